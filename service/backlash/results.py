@@ -1,0 +1,71 @@
+"""What an estimate of the backlash says: per step, per axis; a value with an interval, or a named refusal.
+
+A step in which no gap can be found is a result, not an exception: a wrong value is worse than none.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Literal
+
+Verdict = Literal["ok", "refused"]
+
+
+class Reason(StrEnum):
+    """Why a step or an axis was refused. The value is what the API and the store show."""
+
+    NO_MOVES = "no_moves"
+    CHANNEL_MISSING = "channel_missing"
+    RATE_TOO_LOW = "rate_too_low"
+    NOT_FINITE = "not_finite"
+    IMPLAUSIBLE_MAGNITUDE = "implausible_magnitude"
+    FRAME_LOSS = "frame_loss"
+    STEP_INCOMPLETE = "step_incomplete"
+    SENSOR_FLAT = "sensor_flat"
+    SENSOR_CLIPPED = "sensor_clipped"
+    WRONG_SIGN = "wrong_sign"
+    SIGNALS_DISAGREE = "signals_disagree"
+    TRAJECTORY_NOT_FOLLOWED = "trajectory_not_followed"
+    EXCITATION = "excitation"
+    NO_RELEASE = "no_release"
+    NO_RECONTACT = "no_recontact"
+    GAP_NOT_CROSSED = "gap_not_crossed"
+    GAP_TOO_SHORT = "gap_too_short"
+    STEPS_DISAGREE = "steps_disagree"
+    TOO_FEW_STEPS = "too_few_steps"
+    MISFIT = "misfit"
+    GANTRY_PARTNER_MISSING = "gantry_partner_missing"
+    INTERVAL_TOO_WIDE = "interval_too_wide"
+
+
+@dataclass(frozen=True)
+class StepResult:
+    """One step. ``backlash`` [m], ``t1`` and ``t2`` [s] on the recording's clock are None when refused.
+
+    ``reason`` is None when the verdict is ok; ``detail`` says in a sentence what was seen, the likely
+    physical cause and what to do.
+    """
+
+    index: int
+    direction: int
+    verdict: Verdict
+    reason: Reason | None = None
+    detail: str | None = None
+    backlash: float | None = None
+    t1: float | None = None
+    t2: float | None = None
+
+
+@dataclass(frozen=True)
+class AxisResult:
+    """One axis of one run: ``backlash`` [m] and its 95 % interval [m], None when refused."""
+
+    axis: str
+    verdict: Verdict
+    method: str
+    reason: Reason | None = None
+    detail: str | None = None
+    backlash: float | None = None
+    interval_95: tuple[float, float] | None = None
+    steps: tuple[StepResult, ...] = field(default=())
