@@ -1,0 +1,1 @@
+"""Axes, runs, steps, values, alarms and model revisions in SQLite; the only place with rows."""

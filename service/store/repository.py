@@ -1,0 +1,413 @@
+"""The store's one door: dataclasses in, dataclasses out, every change one transaction."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from datetime import UTC, date, datetime
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from sqlalchemy import ColumnElement, Connection, Select, or_, select, tuple_
+
+from service.monitoring.alarm import AlarmKind
+from service.store import journal, rows, tables
+from service.store.database import Database
+from service.store.errors import StoreError, UnknownRecordError
+from service.store.records import (
+    AlarmChange,
+    AlarmEventRecord,
+    AlarmRecord,
+    AlreadyRun,
+    AxisOutcome,
+    AxisRecord,
+    Busy,
+    History,
+    KeyReused,
+    QueueAnswer,
+    Queued,
+    RevisionRecord,
+    RunEnd,
+    RunOrder,
+    RunRecord,
+    ValueRecord,
+)
+
+T = TypeVar("T")
+_UNFINISHED = ("queued", "running")
+
+
+class Repository:
+    """Axes, runs, values, alarms and model revisions of one database."""
+
+    def __init__(self, database: Database) -> None:
+        """Work on an open database, which stays the caller's to close."""
+        self._database = database
+
+    # axes
+
+    def declare_axes(self, axes: Sequence[AxisRecord]) -> None:
+        """Take over the configuration's axes in its order; one that it no longer names keeps its history.
+
+        The series stays what the store holds: it follows accepted model revisions, not the configuration.
+        """
+        with self._database.writing() as connection:
+            connection.execute(tables.axes.update().values(configured=False))
+            for position, axis in enumerate(axes):
+                _declare(connection, axis, position)
+
+    def axes(self) -> tuple[AxisRecord, ...]:
+        """Return the configured axes in the configuration's order."""
+        query = select(tables.axes).where(tables.axes.c.configured).order_by(tables.axes.c.position)
+        return tuple(rows.axis_of(row) for row in self._all(query))
+
+    def axis(self, name: str) -> AxisRecord:
+        """Return an axis, configured or not; raise UnknownRecordError."""
+        return rows.axis_of(
+            self._one(select(tables.axes).where(tables.axes.c.name == name), f"axis {name!r}")
+        )
+
+    # runs
+
+    def queue_run(self, order: RunOrder) -> QueueAnswer:
+        """Put a run into the box of one, or say why not."""
+        with self._database.writing() as connection:
+            if refusal := _refusal(connection, order):
+                return refusal
+            inserted = tables.runs.insert().values(rows.order_values(order)).returning(tables.runs.c.id)
+            run_id = connection.execute(inserted).scalar_one()
+            for position, axis in enumerate(order.axes):
+                moved = {"run_id": run_id, "axis_name": axis, "position": position}
+                connection.execute(tables.run_axes.insert().values(moved))
+            return Queued(run_id)
+
+    def start_run(self, run_id: int, at: datetime) -> None:
+        """Note that a queued run moves now."""
+        with self._database.writing() as connection:
+            _set_run(connection, run_id, ("queued",), {"state": "running", "started_at_utc": at})
+
+    def finish_run(
+        self, end: RunEnd, outcomes: Sequence[AxisOutcome] = (), alarms: Sequence[AlarmChange] = ()
+    ) -> None:
+        """End a run with all that it found, in one transaction: values, steps, trends and alarms."""
+        with self._database.writing() as connection:
+            _set_run(connection, end.run_id, _UNFINISHED, _end_values(end))
+            _add_outcomes(connection, end.run_id, end.finished_at, outcomes)
+            for change in alarms:
+                journal.apply_change(connection, change, end.finished_at, end.run_id)
+
+    def add_outcomes(self, run_id: int, outcomes: Sequence[AxisOutcome]) -> None:
+        """Add answers to a finished run: a refined method's, or a series restated with a model revision.
+
+        A reported answer takes that mark over from the one of the same axis and series, which stays beside
+        it.
+        """
+        with self._database.writing() as connection:
+            run = (
+                connection.execute(select(tables.runs).where(tables.runs.c.id == run_id))
+                .mappings()
+                .one_or_none()
+            )
+            if run is None:
+                raise UnknownRecordError(f"there is no run {run_id}")
+            _add_outcomes(connection, run_id, run["finished_at_utc"], outcomes)
+
+    def fail_interrupted(self, at: datetime) -> tuple[int, ...]:
+        """Fail the runs that a killed process left unfinished, once at the start; return their ids."""
+        ended = {
+            "state": "failed",
+            "finished_at_utc": at,
+            "reason": "interrupted",
+            "detail": "the service ended while this run was waiting or moving: a power cut, a crash or a "
+            "restart. "
+            "The drives stop by themselves when the heartbeat is lost. Start the check again",
+        }
+        unfinished = tables.runs.update().where(tables.runs.c.state.in_(_UNFINISHED)).values(ended)
+        with self._database.writing() as connection:
+            return tuple(connection.execute(unfinished.returning(tables.runs.c.id)).scalars())
+
+    def run(self, run_id: int) -> RunRecord:
+        """Return a run; raise UnknownRecordError."""
+        query = select(tables.runs).where(tables.runs.c.id == run_id)
+        with self._database.reading() as connection:
+            return _one_of(_runs(connection, query), f"run {run_id}")
+
+    def runs(
+        self, *, limit: int = 50, before: int | None = None, axis: str | None = None
+    ) -> tuple[RunRecord, ...]:
+        """Return runs, the newest first: those below the id ``before``, those that moved ``axis``."""
+        query = select(tables.runs).order_by(tables.runs.c.id.desc()).limit(limit)
+        if before is not None:
+            query = query.where(tables.runs.c.id < before)
+        if axis is not None:
+            moved = select(tables.run_axes.c.run_id).where(tables.run_axes.c.axis_name == axis)
+            query = query.where(tables.runs.c.id.in_(moved))
+        with self._database.reading() as connection:
+            return _runs(connection, query)
+
+    def unfinished_run(self) -> RunRecord | None:
+        """Return the run that is waiting or moving, if any."""
+        query = select(tables.runs).where(tables.runs.c.state.in_(_UNFINISHED))
+        with self._database.reading() as connection:
+            return next(iter(_runs(connection, query)), None)
+
+    def nightly_runs(self, group: str, since: date) -> dict[date, RunRecord]:
+        """Return a group's nightly runs by local date, from ``since`` on."""
+        runs = tables.runs.c
+        query = select(tables.runs).where(runs.group_name == group, runs.local_date >= since)
+        with self._database.reading() as connection:
+            return {run.local_date: run for run in _runs(connection, query) if run.local_date is not None}
+
+    # values
+
+    def outcomes(self, run_id: int) -> tuple[ValueRecord, ...]:
+        """Return all that a run found, with its steps, in the order of its axes."""
+        values = tables.backlash_values
+        query = select(values).where(values.c.run_id == run_id).order_by(values.c.id)
+        with self._database.reading() as connection:
+            found = connection.execute(query).mappings().all()
+            return tuple(rows.value_of(row, _steps(connection, row["id"])) for row in found)
+
+    def values(
+        self,
+        axis: str,
+        *,
+        limit: int = 100,
+        before: tuple[datetime, int] | None = None,
+        accepted: bool = False,
+    ) -> tuple[ValueRecord, ...]:
+        """Return an axis' reported values of its series without steps, the newest first.
+
+        ``before`` continues below the (measured_at, id) of the last value seen; ``accepted`` leaves refusals
+        out.
+        """
+        values = tables.backlash_values.c
+        query = _reported(axis).order_by(values.measured_at_utc.desc(), values.id.desc()).limit(limit)
+        if before is not None:
+            query = query.where(tuple_(values.measured_at_utc, values.id) < tuple_(*before))
+        if accepted:
+            query = query.where(values.verdict == "ok")
+        return tuple(rows.value_of(row) for row in self._all(query))
+
+    def history(self, axis: str, method: str | None = None, limit: int = 400) -> History:
+        """Return the latest accepted, reported values of an axis' series as arrays, oldest first.
+
+        They are of one method, by default that of the newest: methods differ by more than an axis wears in
+        a year.
+        """
+        latest = self.values(axis, limit=limit, accepted=True)
+        one = method or (latest[0].outcome.result.method if latest else None)
+        found = [v for v in reversed(latest) if v.outcome.result.method == one]
+        t = np.array([v.measured_at.timestamp() for v in found], dtype=np.float64)
+        return History(t, np.array([v.outcome.result.backlash for v in found], dtype=np.float64))
+
+    # alarms
+
+    def change_alarms(self, changes: Sequence[AlarmChange], at: datetime) -> None:
+        """Apply decisions that belong to no run, such as a missing one."""
+        with self._database.writing() as connection:
+            for change in changes:
+                journal.apply_change(connection, change, at, None)
+
+    def active_alarms(self, axis: str) -> frozenset[AlarmKind]:
+        """Return the kinds of an axis' active alarms: what ``monitoring.judge`` needs."""
+        return frozenset(a.kind for a in self.alarms(axis=axis) if a.state.active)
+
+    def alarms(
+        self, *, axis: str | None = None, all_ever: bool = False, limit: int = 200
+    ) -> tuple[AlarmRecord, ...]:
+        """Return the alarms that are still to be shown, or all there ever were, the newest first."""
+        alarms = tables.alarms.c
+        query = select(tables.alarms).order_by(alarms.id.desc()).limit(limit)
+        if not all_ever:
+            query = query.where(or_(alarms.active, ~alarms.acknowledged))
+        if axis is not None:
+            query = query.where(alarms.axis_name == axis)
+        return tuple(rows.alarm_of(row) for row in self._all(query))
+
+    def alarm(self, alarm_id: int) -> AlarmRecord:
+        """Return an alarm; raise UnknownRecordError."""
+        query = select(tables.alarms).where(tables.alarms.c.id == alarm_id)
+        return rows.alarm_of(self._one(query, f"alarm {alarm_id}"))
+
+    def alarm_events(self, alarm_id: int) -> tuple[AlarmEventRecord, ...]:
+        """Return an alarm's journal, oldest first."""
+        events = tables.alarm_events
+        query = select(events).where(events.c.alarm_id == alarm_id).order_by(events.c.id)
+        return tuple(rows.alarm_event_of(row) for row in self._all(query))
+
+    def acknowledge(self, alarm_id: int, at: datetime, by: str, comment: str = "") -> AlarmRecord:
+        """Acknowledge an alarm and return it; acknowledging again changes nothing."""
+        with self._database.writing() as connection:
+            query = select(tables.alarms).where(tables.alarms.c.id == alarm_id)
+            row = connection.execute(query).mappings().one_or_none()
+            if row is None:
+                raise UnknownRecordError(f"there is no alarm {alarm_id}")
+            journal.acknowledge(connection, rows.alarm_of(row), at, by, comment)
+        return self.alarm(alarm_id)
+
+    # model revisions
+
+    def propose_revision(
+        self, axis: str, finding: Mapping[str, Any], at: datetime, run_id: int | None = None
+    ) -> int:
+        """Keep a finding as a proposed model revision of an axis; return its id."""
+        values = {
+            "axis_name": axis,
+            "run_id": run_id,
+            "state": "proposed",
+            "finding": dict(finding),
+            "created_at_utc": at,
+        }
+        inserted = tables.model_revisions.insert().values(values).returning(tables.model_revisions.c.id)
+        with self._database.writing() as connection:
+            return int(connection.execute(inserted).scalar_one())
+
+    def decide_revision(self, revision_id: int, *, accept: bool, at: datetime, by: str) -> RevisionRecord:
+        """Accept or reject a proposed revision, once; an accepted one gives the axis a new series' name."""
+        revisions = tables.model_revisions
+        decision = {"state": "accepted" if accept else "rejected", "decided_at_utc": at, "decided_by": by}
+        proposed = revisions.update().where(revisions.c.id == revision_id, revisions.c.state == "proposed")
+        with self._database.writing() as connection:
+            row = (
+                connection.execute(proposed.values(decision).returning(*revisions.c)).mappings().one_or_none()
+            )
+            if row is None:
+                raise UnknownRecordError(f"there is no model revision {revision_id} that is still proposed")
+            if accept:
+                series = {"series": f"revision-{revision_id}"}
+                connection.execute(
+                    tables.axes.update().where(tables.axes.c.name == row["axis_name"]).values(series)
+                )
+            return rows.revision_of(row)
+
+    def revisions(self, axis: str | None = None) -> tuple[RevisionRecord, ...]:
+        """Return the model revisions, of one axis or of all, the newest first."""
+        query = select(tables.model_revisions).order_by(tables.model_revisions.c.id.desc())
+        if axis is not None:
+            query = query.where(tables.model_revisions.c.axis_name == axis)
+        return tuple(rows.revision_of(row) for row in self._all(query))
+
+    # upkeep
+
+    def backup(self, folder: Path, at: datetime) -> Path:
+        """Write a verified backup of the live store and return its path."""
+        return self._database.backup(folder, at.astimezone(UTC))
+
+    def ready(self) -> bool:
+        """Whether the store answers; raises what SQLite raises when it does not."""
+        self._all(select(tables.axes).limit(1))
+        return True
+
+    def _all(self, query: Select[Any]) -> Sequence[Any]:
+        with self._database.reading() as connection:
+            return connection.execute(query).mappings().all()
+
+    def _one(self, query: Select[Any], what: str) -> Any:
+        return _one_of(self._all(query), what)
+
+
+def _one_of(found: Sequence[T], what: str) -> T:
+    if not found:
+        raise UnknownRecordError(f"there is no {what}")
+    return found[0]
+
+
+def _declare(connection: Connection, axis: AxisRecord, position: int) -> None:
+    values = {
+        "group_name": axis.group,
+        "position": position,
+        "reference_m": axis.reference,
+        "tolerance_m": axis.tolerance,
+        "configured": True,
+    }
+    known = connection.execute(tables.axes.update().where(tables.axes.c.name == axis.name).values(values))
+    if known.rowcount == 0:
+        connection.execute(tables.axes.insert().values(name=axis.name, series=axis.series, **values))
+
+
+def _refusal(connection: Connection, order: RunOrder) -> Queued | Busy | KeyReused | AlreadyRun | None:
+    """Say why a run cannot be put into the box, or that it already is there."""
+    runs = tables.runs.c
+    if order.idempotency_key is not None and (
+        found := _first(connection, runs.idempotency_key == order.idempotency_key)
+    ):
+        same = found["target"] == order.target
+        return Queued(found["id"], replayed=True) if same else KeyReused(found["id"])
+    if order.local_date is not None and (
+        found := _first(connection, runs.group_name == order.group, runs.local_date == order.local_date)
+    ):
+        return AlreadyRun(found["id"])
+    if found := _first(connection, runs.state.in_(_UNFINISHED)):
+        return Busy(found["id"])
+    return None
+
+
+def _first(connection: Connection, *where: ColumnElement[bool]) -> Any | None:
+    return connection.execute(select(tables.runs).where(*where).limit(1)).mappings().one_or_none()
+
+
+def _end_values(end: RunEnd) -> dict[str, Any]:
+    return {
+        "state": end.state,
+        "finished_at_utc": end.finished_at,
+        "reason": end.reason,
+        "detail": end.detail,
+        "capture_path": None if end.capture is None else end.capture.path,
+        "capture_sha256": None if end.capture is None else end.capture.sha256,
+    }
+
+
+def _set_run(connection: Connection, run_id: int, states: Iterable[str], values: Mapping[str, Any]) -> None:
+    """Change a run that is in one of the given states; a finished run is never changed."""
+    changed = connection.execute(
+        tables.runs.update().where(tables.runs.c.id == run_id, tables.runs.c.state.in_(states)).values(values)
+    )
+    if changed.rowcount != 1:
+        raise StoreError(f"run {run_id} is not {' or '.join(states)}: it is unknown, or was ended before")
+
+
+def _add_outcomes(connection: Connection, run_id: int, at: datetime, outcomes: Sequence[AxisOutcome]) -> None:
+    for outcome in outcomes:
+        if outcome.reported:
+            _withdraw_report(connection, run_id, outcome)
+        values = {"run_id": run_id, "measured_at_utc": at, **rows.outcome_values(outcome)}
+        inserted = tables.backlash_values.insert().values(values).returning(tables.backlash_values.c.id)
+        value_id = connection.execute(inserted).scalar_one()
+        for step in outcome.result.steps:
+            connection.execute(tables.steps.insert().values(rows.step_values(step, value_id)))
+
+
+def _withdraw_report(connection: Connection, run_id: int, outcome: AxisOutcome) -> None:
+    values = tables.backlash_values.c
+    same = (
+        values.run_id == run_id, values.axis_name == outcome.result.axis, values.series == outcome.series
+    )  # fmt: skip
+    connection.execute(tables.backlash_values.update().where(*same).values(reported=False))
+
+
+def _runs(connection: Connection, query: Select[Any]) -> tuple[RunRecord, ...]:
+    found = connection.execute(query).mappings().all()
+    return tuple(rows.run_of(row, _axes_of(connection, row["id"])) for row in found)
+
+
+def _axes_of(connection: Connection, run_id: int) -> tuple[str, ...]:
+    moved = tables.run_axes.c
+    query = select(moved.axis_name).where(moved.run_id == run_id).order_by(moved.position)
+    return tuple(connection.execute(query).scalars())
+
+
+def _steps(connection: Connection, value_id: int) -> tuple[Any, ...]:
+    query = (
+        select(tables.steps).where(tables.steps.c.value_id == value_id).order_by(tables.steps.c.step_index)
+    )
+    return tuple(rows.step_of(row) for row in connection.execute(query).mappings())
+
+
+def _reported(axis: str) -> Select[Any]:
+    """Select the reported values of an axis in its current series."""
+    values = tables.backlash_values.c
+    series = select(tables.axes.c.series).where(tables.axes.c.name == axis).scalar_subquery()
+    return select(tables.backlash_values).where(
+        values.axis_name == axis, values.series == series, values.reported
+    )
