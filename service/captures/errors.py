@@ -16,7 +16,7 @@ from pathlib import Path
 
 
 class CaptureError(Exception):
-    """A capture cannot be used: ``path`` says which, ``problem`` why, ``advice`` the likely cause and cure."""
+    """A capture cannot be used: ``path`` says which, ``problem`` why, ``advice`` likely cause and cure."""
 
     def __init__(self, path: Path, problem: str, advice: str) -> None:
         super().__init__(f"{path}: {problem}. {advice}")

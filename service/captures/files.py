@@ -105,7 +105,7 @@ def _read_parquet(path: Path) -> tuple[pa.Table, bytes]:
         raise CaptureUnreadableError(
             path,
             f"is not a whole Parquet file ({str(error).splitlines()[0]:.120})",
-            "It was cut short while written or copied, or is of another kind (CSV ends in .csv); copy it again",
+            "It was cut short in writing or copying, or is of another kind (CSV ends in .csv); copy it again",
         ) from error
     text = (rows.schema.metadata or {}).get(METADATA_KEY)
     if text is None:
@@ -158,10 +158,11 @@ def _check_moves(moves: tuple[Move, ...], traces: dict[tuple[str, str], Trace], 
     first = min(trace.time[0] for trace in traces.values())
     last = max(trace.time[-1] for trace in traces.values())
     if not any(move.start < last and move.end > first for move in moves):
+        span = f"{first:.3f} to {last:.3f} s"
         raise CaptureMetadataError(
             path,
-            f"every move lies outside the recording ({first:.3f} to {last:.3f} s; first at {moves[0].start:.3f} s)",
-            "start_s counts from another zero or in another unit than time_s; both are seconds from the start",
+            f"every move lies outside the recording ({span}; the first starts at {moves[0].start:.3f} s)",
+            "start_s counts from another zero or in another unit than time_s; both are seconds from one start",
         )
 
 

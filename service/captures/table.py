@@ -89,7 +89,7 @@ def _trace(time: FloatArray, value: FloatArray, name: tuple[str, str], path: Pat
         raise CaptureContentError(
             path,
             f"{bad} of {len(time)} samples of {label} are NaN or infinite",
-            "A sensor reported 'invalid', or an export divided by zero; leave such samples out as missing rows",
+            "A sensor reported 'invalid', or an export divided by zero; leave such rows out as lost samples",
         )
     again = np.diff(time, prepend=-np.inf) == 0
     doubled = again & (np.diff(value, prepend=np.nan) == 0)
