@@ -38,3 +38,13 @@ def latest_missed_date(now: datetime, at: time, zone: ZoneInfo, late: timedelta)
     while due_instant(day, at, zone) + late > now:
         day -= timedelta(days=1)
     return day
+
+
+def nights_without(since: datetime, now: datetime, at: time, zone: ZoneInfo, late: timedelta) -> int:
+    """How many nights fell due after ``since`` (UTC) and have closed before ``now`` (UTC); at most ten."""
+    day = latest_missed_date(now, at, zone, late)
+    missed = 0
+    while missed < 10 and due_instant(day, at, zone) > since:
+        missed += 1
+        day -= timedelta(days=1)
+    return missed

@@ -5,7 +5,7 @@ from zoneinfo import ZoneInfo
 
 import pytest
 
-from service.runs.schedule import due_instant, latest_missed_date, local_date_due
+from service.runs.schedule import due_instant, latest_missed_date, local_date_due, nights_without
 
 BERLIN = ZoneInfo("Europe/Berlin")
 LATE = timedelta(hours=3)
@@ -60,3 +60,12 @@ def test_a_missed_date_is_named_once_its_window_has_closed() -> None:
     due = due_instant(date(2026, 7, 1), time(2, 30), BERLIN)
     assert latest_missed_date(due + LATE, time(2, 30), BERLIN, LATE) == date(2026, 7, 1)
     assert latest_missed_date(due + LATE - timedelta(seconds=1), time(2, 30), BERLIN, LATE) == date(2026, 6, 30)
+
+
+def test_nights_without_a_value_are_counted_only_once_they_have_closed() -> None:
+    at = time(2, 30)
+    value = due_instant(date(2026, 7, 1), at, BERLIN) + timedelta(minutes=5)
+    for nights in (0, 1, 2, 7):
+        closed = due_instant(date(2026, 7, 1) + timedelta(days=nights), at, BERLIN) + LATE
+        assert nights_without(value, closed, at, BERLIN, LATE) == nights
+    assert nights_without(value, value + timedelta(days=60), at, BERLIN, LATE) == 10

@@ -1,0 +1,119 @@
+"""One diagnostic run, as the method has it: enable, ten steps, record; estimate; store; judge.
+
+The one place where the bus and the mathematics of backlash meet.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime
+from pathlib import Path
+from typing import Protocol
+
+from service.backlash.results import AxisResult
+from service.captures import CaptureError, write_capture
+from service.monitoring.alarm import Band, judge
+from service.motion.client import MotionError
+from service.motion.messages import Progress, Recorded
+from service.recording import Recording
+from service.runs.analysis import AnalysisError
+from service.store.errors import StoreError
+from service.store.records import AlarmChange, AxisOutcome, AxisRecord, CaptureFile, RunEnd, RunRecord
+from service.store.repository import Repository
+
+log = logging.getLogger(__name__)
+
+
+class Motion(Protocol):
+    """What moves the axes and records them."""
+
+    def execute(self, group: str, on_progress: Callable[[Progress], None]) -> Recorded:
+        """Make the steps; MotionError when they could not be made."""
+
+
+Analysis = Callable[[Path, str], Sequence[AxisResult]]
+"""Estimates the backlash of each axis of the capture at a path with a known checksum."""
+
+
+@dataclass(frozen=True)
+class Workshop:
+    """What a run needs: the machine, the numerics, the store, the folder of captures, and the wall clock."""
+
+    motion: Motion
+    analysis: Analysis
+    repository: Repository
+    captures: Path
+    wall_time: Callable[[], datetime]
+
+
+def diagnostic_run(workshop: Workshop, run: RunRecord, on_progress: Callable[[Progress], None]) -> RunEnd:
+    """Carry out one queued run to its end, which is always stored: ok, refused or failed, with the reason."""
+    workshop.repository.start_run(run.id, workshop.wall_time())
+    capture: CaptureFile | None = None
+    try:
+        recorded = workshop.motion.execute(run.group, on_progress)
+        capture = keep_capture(workshop, run, recorded.recording)
+        on_progress(Progress(0, 0, "estimate the backlash"))
+        results = workshop.analysis(workshop.captures / capture.path, capture.sha256)
+    except MotionError as error:
+        return _failed(workshop, run, error.kind, str(error), capture)
+    except (AnalysisError, CaptureError, OSError) as error:
+        return _failed(workshop, run, type(error).__name__, str(error), capture)
+    return _concluded(workshop, run, capture, results)
+
+
+def keep_capture(workshop: Workshop, run: RunRecord, recording: Recording) -> CaptureFile:
+    """Write the recording as a capture; the path is relative to the folder of captures."""
+    now = workshop.wall_time()
+    name = Path(f"{now:%Y}") / f"{now:%Y%m%dT%H%M%SZ}-{run.group}-{run.id}.parquet"
+    path = workshop.captures / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return CaptureFile(str(name), write_capture(replace(recording, recorded_at=now), path))
+
+
+def judge_result(
+    repository: Repository, axis: AxisRecord, result: AxisResult, at: datetime
+) -> tuple[AxisOutcome, tuple[AlarmChange, ...]]:
+    """Set a new value into its axis' history: the trend with it, and what becomes of the axis' alarms."""
+    history = repository.history(axis.name).with_value(at.timestamp(), result.backlash)
+    has_band = axis.reference is not None and axis.tolerance is not None
+    band = Band(axis.reference, axis.tolerance) if has_band else None  # type: ignore[arg-type]
+    judgement = judge(history.t, history.b, band, repository.active_alarms(axis.name))
+    trend = judgement.trend if result.verdict == "ok" else None
+    changes = tuple(AlarmChange(axis.name, change) for change in judgement.changes)
+    return AxisOutcome(result, series=axis.series, trend=trend), changes
+
+
+def _concluded(
+    workshop: Workshop, run: RunRecord, capture: CaptureFile, results: Sequence[AxisResult]
+) -> RunEnd:
+    """Judge every axis and store all of it in one transaction."""
+    now = workshop.wall_time()
+    repository = workshop.repository
+    judged = [judge_result(repository, repository.axis(result.axis), result, now) for result in results]
+    refused = [result for result in results if result.verdict == "refused"]
+    end = RunEnd(run.id, "ok", now, capture=capture)
+    if refused:
+        reasons = "; ".join(f"{result.axis}: {result.detail or result.reason}" for result in refused)
+        if len(refused) == len(results):
+            end = RunEnd(run.id, "refused", now, str(refused[0].reason), reasons, capture)
+        else:
+            end = replace(end, detail=reasons)
+    changes = [change for _, found in judged for change in found]
+    repository.finish_run(end, [outcome for outcome, _ in judged], changes)
+    return end
+
+
+def _failed(
+    workshop: Workshop, run: RunRecord, reason: str, detail: str, capture: CaptureFile | None
+) -> RunEnd:
+    log.error("run %d on %s failed: %s", run.id, run.group, detail)
+    end = RunEnd(run.id, "failed", workshop.wall_time(), reason, detail, capture)
+    try:
+        workshop.repository.finish_run(end)
+    except StoreError:
+        log.exception("run %d could not be stored as failed", run.id)
+        raise
+    return end
