@@ -22,7 +22,7 @@ Effects = Mapping[str, Sequence[Effect]]
 
 
 class Setpoint(Protocol):
-    """What one drive asks of its motor at the ends of a block's n sub-steps; [rad], [rad/s]."""
+    """What one drive asks of its motor at the ends of a block's n sub-steps; [rad], [rad/s], [rad/s²]."""
 
     @property
     def enabled(self) -> bool: ...
@@ -30,6 +30,8 @@ class Setpoint(Protocol):
     def position(self) -> FloatArray: ...
     @property
     def speed(self) -> FloatArray: ...
+    @property
+    def acceleration(self) -> FloatArray: ...
 
 
 class Coupled:
@@ -87,14 +89,14 @@ class _Servo:
         self._T, self._command = layout.T.start + drive, layout.command.start + drive
         self._x, self._x_dot, self._carriage = layout.q.start + carriage, layout.v.start + carriage, carriage
         self._enabled = False
-        self._position: list[float] = []
-        self._speed: list[float] = []
+        self._setpoints: list[tuple[float, float, float]] = []
 
     def follow(self, setpoint: Setpoint) -> None:
         """Take over the set-points of a block."""
         self._enabled = setpoint.enabled
         if self._enabled:
-            self._position, self._speed = setpoint.position.tolist(), setpoint.speed.tolist()
+            columns = (setpoint.position, setpoint.speed, setpoint.acceleration)
+            self._setpoints = list(zip(*(column.tolist() for column in columns), strict=True))
         else:
             self._controller.disable()
 
@@ -105,7 +107,7 @@ class _Servo:
             w[self._command] = 0.0
             return
         position, speed = w.item(self._q) * self._radians, w.item(self._v) * self._radians
-        w[self._command] = self._controller.torque(self._position[k], self._speed[k], position, speed)
+        w[self._command] = self._controller.torque(self._setpoints[k], position, speed)
 
     def channels(self, states: FloatArray, accelerations: FloatArray) -> Measured:
         """Pick the axis' channels out of a block's states."""

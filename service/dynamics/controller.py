@@ -18,15 +18,19 @@ class PPIController:
         self._integral_gain = parameters.Kp * dt / parameters.Tn
         self._integral = 0.0
 
-    def torque(self, position: float, speed: float, motor_position: float, motor_speed: float) -> float:
-        """Return the torque command [N m] for the setpoint and the encoder, [rad] and [rad/s].
+    def torque(
+        self, setpoint: tuple[float, float, float], motor_position: float, motor_speed: float
+    ) -> float:
+        """Return the torque command [N m] for a set-point (position, speed, acceleration) and the encoder.
 
-        At the torque limit the integral does not grow further, so that it need not unwind afterwards.
+        All in rad and s. At the torque limit the integral does not grow further, so that it need not unwind
+        afterwards.
         """
         p = self._p
+        position, speed, acceleration = setpoint
         error = p.Kv * (position - motor_position) + p.speed_feedforward * speed - motor_speed
         integral = self._integral + self._integral_gain * error
-        command = p.Kp * error + integral
+        command = p.Kp * error + integral + p.inertia_feedforward * acceleration
         if command > p.torque_limit:
             self._integral = min(self._integral, integral)
             return p.torque_limit

@@ -30,6 +30,7 @@ class _Nominal:
 
     position: FloatArray
     speed: FloatArray
+    acceleration: FloatArray
     enabled: bool = True
 
 
@@ -167,8 +168,9 @@ def simulate(
     parameters = machine.axes if isinstance(machine, Machine) else {"X1": machine}
     n = int(np.ceil((moves[-1].end + rest) / dt))
     time = dt * np.arange(1, n + 1, dtype=np.float64)
-    x, v = nominal_motion(time, moves, a_lim, v_lim)
-    setpoints = [_Nominal(x / p.transmission, v / p.transmission) for p in parameters.values()]
+    x, v, a = nominal_motion(time, moves, a_lim, v_lim)
+    radians = [1 / p.transmission for p in parameters.values()]
+    setpoints = [_Nominal(x * r, v * r, a * r) for r in radians]
     measured = plant.advance(n * dt, setpoints)
     axes = {
         name: SimulatedAxis(data, plant.crossings(name))
@@ -179,11 +181,12 @@ def simulate(
 
 def nominal_motion(
     time: FloatArray, moves: Sequence[Move], a_lim: float = _NO_A_LIMIT, v_lim: float = _NO_V_LIMIT
-) -> tuple[FloatArray, FloatArray]:
-    """Commanded position [m] and speed [m/s] at ``time`` (n,) [s], from position 0."""
-    x, v = np.zeros_like(time), np.zeros_like(time)
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Commanded position [m], speed [m/s] and acceleration [m/s²] at ``time`` (n,) [s], from position 0."""
+    x, v, a = np.zeros((3, len(time)))
     for move in moves:
         step = jerk_limited_step(move.length, move.jerk, a_lim, v_lim)
         x += move.direction * step.position(time - move.start)
         v += move.direction * step.speed(time - move.start)
-    return x, v
+        a += move.direction * step.acceleration(time - move.start)
+    return x, v, a
