@@ -162,7 +162,7 @@ def _check_moves(moves: tuple[Move, ...], traces: dict[tuple[str, str], Trace], 
         raise CaptureMetadataError(
             path,
             f"every move lies outside the recording ({span}; the first starts at {moves[0].start:.3f} s)",
-            "start_s counts from another zero or in another unit than time_s; both are seconds from one start",
+            "start_s counts from another zero or in another unit than time_s; both are seconds of one clock",
         )
 
 
