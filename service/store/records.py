@@ -88,6 +88,34 @@ QueueAnswer = Queued | Busy | KeyReused | AlreadyRun
 
 
 @dataclass(frozen=True)
+class UnknownTarget:
+    """Refused: no axis and no group is called that; ``known`` names those that are."""
+
+    known: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Unavailable:
+    """Refused: the machine cannot move now; ``detail`` says what is wrong and what to do."""
+
+    detail: str
+
+
+CheckAnswer = Queued | Busy | KeyReused | UnknownTarget | Unavailable
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where the run in the box stands: ``phase`` in a technician's words, ``done`` of ``total`` steps."""
+
+    run_id: int
+    target: str
+    phase: str
+    done: int
+    total: int
+
+
+@dataclass(frozen=True)
 class CaptureFile:
     """A capture on disk: path relative to the captures' folder, and its SHA-256 in hexadecimal."""
 

@@ -2,28 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-from sqlalchemy import ColumnElement, Connection, Select, or_, select, tuple_
+from sqlalchemy import Select, func, or_, select, tuple_
 
 from service.monitoring.alarm import AlarmKind
-from service.store import journal, rows, tables
+from service.store import journal, rows, statements, tables
 from service.store.database import Database
-from service.store.errors import StoreError, UnknownRecordError
+from service.store.errors import UnknownRecordError
 from service.store.records import (
     AlarmChange,
     AlarmEventRecord,
     AlarmRecord,
-    AlreadyRun,
     AxisOutcome,
     AxisRecord,
-    Busy,
     History,
-    KeyReused,
     QueueAnswer,
     Queued,
     RevisionRecord,
@@ -34,7 +31,6 @@ from service.store.records import (
 )
 
 T = TypeVar("T")
-_UNFINISHED = ("queued", "running")
 
 
 class Repository:
@@ -54,7 +50,7 @@ class Repository:
         with self._database.writing() as connection:
             connection.execute(tables.axes.update().values(configured=False))
             for position, axis in enumerate(axes):
-                _declare(connection, axis, position)
+                statements.declare(connection, axis, position)
 
     def axes(self) -> tuple[AxisRecord, ...]:
         """Return the configured axes in the configuration's order."""
@@ -72,7 +68,7 @@ class Repository:
     def queue_run(self, order: RunOrder) -> QueueAnswer:
         """Put a run into the box of one, or say why not."""
         with self._database.writing() as connection:
-            if refusal := _refusal(connection, order):
+            if refusal := statements.refusal(connection, order):
                 return refusal
             inserted = tables.runs.insert().values(rows.order_values(order)).returning(tables.runs.c.id)
             run_id = connection.execute(inserted).scalar_one()
@@ -84,15 +80,15 @@ class Repository:
     def start_run(self, run_id: int, at: datetime) -> None:
         """Note that a queued run moves now."""
         with self._database.writing() as connection:
-            _set_run(connection, run_id, ("queued",), {"state": "running", "started_at_utc": at})
+            statements.set_run(connection, run_id, ("queued",), {"state": "running", "started_at_utc": at})
 
     def finish_run(
         self, end: RunEnd, outcomes: Sequence[AxisOutcome] = (), alarms: Sequence[AlarmChange] = ()
     ) -> None:
         """End a run with all that it found, in one transaction: values, steps, trends and alarms."""
         with self._database.writing() as connection:
-            _set_run(connection, end.run_id, _UNFINISHED, _end_values(end))
-            _add_outcomes(connection, end.run_id, end.finished_at, outcomes)
+            statements.set_run(connection, end.run_id, statements.UNFINISHED, statements.end_values(end))
+            statements.add_outcomes(connection, end.run_id, end.finished_at, outcomes)
             for change in alarms:
                 journal.apply_change(connection, change, end.finished_at, end.run_id)
 
@@ -110,7 +106,7 @@ class Repository:
             )
             if run is None:
                 raise UnknownRecordError(f"there is no run {run_id}")
-            _add_outcomes(connection, run_id, run["finished_at_utc"], outcomes)
+            statements.add_outcomes(connection, run_id, run["finished_at_utc"], outcomes)
 
     def fail_interrupted(self, at: datetime) -> tuple[int, ...]:
         """Fail the runs that a killed process left unfinished, once at the start; return their ids."""
@@ -122,7 +118,7 @@ class Repository:
             "restart. "
             "The drives stop by themselves when the heartbeat is lost. Start the check again",
         }
-        unfinished = tables.runs.update().where(tables.runs.c.state.in_(_UNFINISHED)).values(ended)
+        unfinished = tables.runs.update().where(tables.runs.c.state.in_(statements.UNFINISHED)).values(ended)
         with self._database.writing() as connection:
             return tuple(connection.execute(unfinished.returning(tables.runs.c.id)).scalars())
 
@@ -130,7 +126,7 @@ class Repository:
         """Return a run; raise UnknownRecordError."""
         query = select(tables.runs).where(tables.runs.c.id == run_id)
         with self._database.reading() as connection:
-            return _one_of(_runs(connection, query), f"run {run_id}")
+            return _one_of(statements.runs(connection, query), f"run {run_id}")
 
     def runs(
         self, *, limit: int = 50, before: int | None = None, axis: str | None = None
@@ -143,20 +139,29 @@ class Repository:
             moved = select(tables.run_axes.c.run_id).where(tables.run_axes.c.axis_name == axis)
             query = query.where(tables.runs.c.id.in_(moved))
         with self._database.reading() as connection:
-            return _runs(connection, query)
+            return statements.runs(connection, query)
 
     def unfinished_run(self) -> RunRecord | None:
         """Return the run that is waiting or moving, if any."""
-        query = select(tables.runs).where(tables.runs.c.state.in_(_UNFINISHED))
+        query = select(tables.runs).where(tables.runs.c.state.in_(statements.UNFINISHED))
         with self._database.reading() as connection:
-            return next(iter(_runs(connection, query)), None)
+            return next(iter(statements.runs(connection, query)), None)
+
+    def run_counts(self) -> dict[str, int]:
+        """Count the runs by state."""
+        query = select(tables.runs.c.state, func.count().label("runs")).group_by(tables.runs.c.state)
+        return {row["state"]: row["runs"] for row in self._all(query)}
 
     def nightly_runs(self, group: str, since: date) -> dict[date, RunRecord]:
         """Return a group's nightly runs by local date, from ``since`` on."""
         runs = tables.runs.c
         query = select(tables.runs).where(runs.group_name == group, runs.local_date >= since)
         with self._database.reading() as connection:
-            return {run.local_date: run for run in _runs(connection, query) if run.local_date is not None}
+            return {
+                run.local_date: run
+                for run in statements.runs(connection, query)
+                if run.local_date is not None
+            }
 
     # values
 
@@ -166,7 +171,7 @@ class Repository:
         query = select(values).where(values.c.run_id == run_id).order_by(values.c.id)
         with self._database.reading() as connection:
             found = connection.execute(query).mappings().all()
-            return tuple(rows.value_of(row, _steps(connection, row["id"])) for row in found)
+            return tuple(rows.value_of(row, statements.steps(connection, row["id"])) for row in found)
 
     def values(
         self,
@@ -182,7 +187,9 @@ class Repository:
         out.
         """
         values = tables.backlash_values.c
-        query = _reported(axis).order_by(values.measured_at_utc.desc(), values.id.desc()).limit(limit)
+        query = (
+            statements.reported(axis).order_by(values.measured_at_utc.desc(), values.id.desc()).limit(limit)
+        )
         if before is not None:
             query = query.where(tuple_(values.measured_at_utc, values.id) < tuple_(*before))
         if accepted:
@@ -294,11 +301,6 @@ class Repository:
         """Write a verified backup of the live store and return its path."""
         return self._database.backup(folder, at.astimezone(UTC))
 
-    def ready(self) -> bool:
-        """Whether the store answers; raises what SQLite raises when it does not."""
-        self._all(select(tables.axes).limit(1))
-        return True
-
     def _all(self, query: Select[Any]) -> Sequence[Any]:
         with self._database.reading() as connection:
             return connection.execute(query).mappings().all()
@@ -311,103 +313,3 @@ def _one_of(found: Sequence[T], what: str) -> T:
     if not found:
         raise UnknownRecordError(f"there is no {what}")
     return found[0]
-
-
-def _declare(connection: Connection, axis: AxisRecord, position: int) -> None:
-    values = {
-        "group_name": axis.group,
-        "position": position,
-        "reference_m": axis.reference,
-        "tolerance_m": axis.tolerance,
-        "configured": True,
-    }
-    known = connection.execute(tables.axes.update().where(tables.axes.c.name == axis.name).values(values))
-    if known.rowcount == 0:
-        connection.execute(tables.axes.insert().values(name=axis.name, series=axis.series, **values))
-
-
-def _refusal(connection: Connection, order: RunOrder) -> Queued | Busy | KeyReused | AlreadyRun | None:
-    """Say why a run cannot be put into the box, or that it already is there."""
-    runs = tables.runs.c
-    if order.idempotency_key is not None and (
-        found := _first(connection, runs.idempotency_key == order.idempotency_key)
-    ):
-        same = found["target"] == order.target
-        return Queued(found["id"], replayed=True) if same else KeyReused(found["id"])
-    if order.local_date is not None and (
-        found := _first(connection, runs.group_name == order.group, runs.local_date == order.local_date)
-    ):
-        return AlreadyRun(found["id"])
-    if found := _first(connection, runs.state.in_(_UNFINISHED)):
-        return Busy(found["id"])
-    return None
-
-
-def _first(connection: Connection, *where: ColumnElement[bool]) -> Any | None:
-    return connection.execute(select(tables.runs).where(*where).limit(1)).mappings().one_or_none()
-
-
-def _end_values(end: RunEnd) -> dict[str, Any]:
-    return {
-        "state": end.state,
-        "finished_at_utc": end.finished_at,
-        "reason": end.reason,
-        "detail": end.detail,
-        "capture_path": None if end.capture is None else end.capture.path,
-        "capture_sha256": None if end.capture is None else end.capture.sha256,
-    }
-
-
-def _set_run(connection: Connection, run_id: int, states: Iterable[str], values: Mapping[str, Any]) -> None:
-    """Change a run that is in one of the given states; a finished run is never changed."""
-    changed = connection.execute(
-        tables.runs.update().where(tables.runs.c.id == run_id, tables.runs.c.state.in_(states)).values(values)
-    )
-    if changed.rowcount != 1:
-        raise StoreError(f"run {run_id} is not {' or '.join(states)}: it is unknown, or was ended before")
-
-
-def _add_outcomes(connection: Connection, run_id: int, at: datetime, outcomes: Sequence[AxisOutcome]) -> None:
-    for outcome in outcomes:
-        if outcome.reported:
-            _withdraw_report(connection, run_id, outcome)
-        values = {"run_id": run_id, "measured_at_utc": at, **rows.outcome_values(outcome)}
-        inserted = tables.backlash_values.insert().values(values).returning(tables.backlash_values.c.id)
-        value_id = connection.execute(inserted).scalar_one()
-        for step in outcome.result.steps:
-            connection.execute(tables.steps.insert().values(rows.step_values(step, value_id)))
-
-
-def _withdraw_report(connection: Connection, run_id: int, outcome: AxisOutcome) -> None:
-    values = tables.backlash_values.c
-    same = (
-        values.run_id == run_id, values.axis_name == outcome.result.axis, values.series == outcome.series
-    )  # fmt: skip
-    connection.execute(tables.backlash_values.update().where(*same).values(reported=False))
-
-
-def _runs(connection: Connection, query: Select[Any]) -> tuple[RunRecord, ...]:
-    found = connection.execute(query).mappings().all()
-    return tuple(rows.run_of(row, _axes_of(connection, row["id"])) for row in found)
-
-
-def _axes_of(connection: Connection, run_id: int) -> tuple[str, ...]:
-    moved = tables.run_axes.c
-    query = select(moved.axis_name).where(moved.run_id == run_id).order_by(moved.position)
-    return tuple(connection.execute(query).scalars())
-
-
-def _steps(connection: Connection, value_id: int) -> tuple[Any, ...]:
-    query = (
-        select(tables.steps).where(tables.steps.c.value_id == value_id).order_by(tables.steps.c.step_index)
-    )
-    return tuple(rows.step_of(row) for row in connection.execute(query).mappings())
-
-
-def _reported(axis: str) -> Select[Any]:
-    """Select the reported values of an axis in its current series."""
-    values = tables.backlash_values.c
-    series = select(tables.axes.c.series).where(tables.axes.c.name == axis).scalar_subquery()
-    return select(tables.backlash_values).where(
-        values.axis_name == axis, values.series == series, values.reported
-    )

@@ -1,0 +1,1 @@
+"""The routes, one module per resource; each has one function that builds its router."""

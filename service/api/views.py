@@ -1,0 +1,178 @@
+"""Records of the store as what the API shows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from service.api.schemas import (
+    AlarmDetail,
+    AlarmEventView,
+    AlarmState,
+    AlarmView,
+    AxisView,
+    ProgressView,
+    ResultView,
+    RunDetail,
+    RunView,
+    StepView,
+    TrendView,
+    ValueView,
+)
+from service.api.words import in_words
+from service.backlash.results import StepResult
+from service.monitoring.trend import Trend
+from service.store.records import (
+    AlarmEventRecord,
+    AlarmRecord,
+    AxisRecord,
+    Progress,
+    RunRecord,
+    ValueRecord,
+)
+
+_DAY = 86_400.0
+
+
+def trend_view(trend: Trend | None) -> TrendView | None:
+    """Show a trend."""
+    if trend is None:
+        return None
+    low_high = trend.slope_interval
+    return TrendView(
+        level_m=trend.level,
+        interval_95_m=trend.interval,
+        slope_m_per_day=None if trend.slope is None else trend.slope * _DAY,
+        slope_interval_95_m_per_day=None if low_high is None else (low_high[0] * _DAY, low_high[1] * _DAY),
+        count=trend.count,
+    )
+
+
+def value_view(value: ValueRecord) -> ValueView:
+    """Show one answer."""
+    outcome, result = value.outcome, value.outcome.result
+    return ValueView(
+        run_id=value.run_id,
+        axis=result.axis,
+        measured_at=value.measured_at,
+        method=result.method,
+        series=outcome.series,
+        reported=outcome.reported,
+        verdict=result.verdict,
+        reason=result.reason,
+        reason_in_words=in_words(result.reason),
+        detail=result.detail,
+        backlash_m=result.backlash,
+        interval_95_m=result.interval_95,
+        trend=trend_view(outcome.trend),
+    )
+
+
+def step_view(step: StepResult) -> StepView:
+    """Show one step."""
+    return StepView(
+        index=step.index,
+        direction=1 if step.direction > 0 else -1,
+        verdict=step.verdict,
+        reason=step.reason,
+        reason_in_words=in_words(step.reason),
+        detail=step.detail,
+        backlash_m=step.backlash,
+        t1_s=step.t1,
+        t2_s=step.t2,
+    )
+
+
+def result_view(value: ValueRecord) -> ResultView:
+    """Show one answer with its steps."""
+    steps = [step_view(step) for step in value.outcome.result.steps]
+    return ResultView(**dict(value_view(value)), steps=steps)
+
+
+def alarm_view(alarm: AlarmRecord) -> AlarmView:
+    """Show an alarm."""
+    return AlarmView(
+        id=alarm.id,
+        axis=alarm.axis,
+        kind=alarm.kind,
+        active=alarm.state.active,
+        acknowledged=alarm.state.acknowledged,
+        raised_at=alarm.raised_at,
+        cleared_at=alarm.cleared_at,
+        acknowledged_at=alarm.acknowledged_at,
+        acknowledged_by=alarm.acknowledged_by,
+        detail=alarm.detail,
+    )
+
+
+def alarm_detail(alarm: AlarmRecord, events: Sequence[AlarmEventRecord]) -> AlarmDetail:
+    """Show an alarm with its journal."""
+    shown = [
+        AlarmEventView(event=line.event, at=line.at, by=line.by, run_id=line.run_id, detail=line.detail)
+        for line in events
+    ]
+    return AlarmDetail(**dict(alarm_view(alarm)), events=shown)
+
+
+def alarm_state(alarms: Sequence[AlarmRecord]) -> AlarmState:
+    """Name the most urgent state among an axis' alarms."""
+    states = {(alarm.state.active, alarm.state.acknowledged) for alarm in alarms}
+    if (True, False) in states:
+        return "unacknowledged"
+    if (False, False) in states:
+        return "returned_unacknowledged"
+    return "acknowledged" if (True, True) in states else "normal"
+
+
+def axis_view(
+    axis: AxisRecord, current: ValueRecord | None, latest: ValueRecord | None, alarms: Sequence[AlarmRecord]
+) -> AxisView:
+    """Show an axis as it stands."""
+    return AxisView(
+        name=axis.name,
+        group=axis.group,
+        reference_m=axis.reference,
+        tolerance_m=axis.tolerance,
+        series=axis.series,
+        current=None if current is None else value_view(current),
+        latest=None if latest is None else value_view(latest),
+        alarm_state=alarm_state(alarms),
+        alarms=[alarm_view(alarm) for alarm in alarms],
+    )
+
+
+def run_view(run: RunRecord) -> RunView:
+    """Show a run in short."""
+    return RunView(
+        id=run.id,
+        kind=run.kind,
+        state=run.state,
+        target=run.target,
+        group=run.group,
+        axes=list(run.axes),
+        local_date=run.local_date,
+        requested_at=run.requested_at,
+        started_at=run.started_at,
+        finished_at=run.finished_at,
+        reason=run.reason,
+        reason_in_words=in_words(run.reason),
+        detail=run.detail,
+        capture_sha256=None if run.capture is None else run.capture.sha256,
+    )
+
+
+def run_detail(run: RunRecord, found: Sequence[ValueRecord]) -> RunDetail:
+    """Show a run with all that it found."""
+    return RunDetail(**dict(run_view(run)), results=[result_view(value) for value in found])
+
+
+def progress_view(progress: Progress | None) -> ProgressView | None:
+    """Show where the run in the box stands."""
+    if progress is None:
+        return None
+    return ProgressView(
+        run_id=progress.run_id,
+        target=progress.target,
+        phase=progress.phase,
+        done=progress.done,
+        total=progress.total,
+    )
