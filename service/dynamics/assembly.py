@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.axis import axis_mechanism, body
 from service.dynamics.controller import PPIController
-from service.dynamics.effects import At, Effect, Measured
+from service.dynamics.effects.effect import At, Effect, Measured
 from service.dynamics.gantry import gantry_mechanism
 from service.dynamics.mechanism import Mechanism
 from service.dynamics.parameters import AxisParameters, Machine
@@ -41,12 +41,29 @@ class Coupled:
         self, axes: Mapping[str, AxisParameters], mechanism: Mechanism, effects: Effects, dt: float
     ) -> None:
         self.axes = tuple(axes)
+        self._parameters = axes
+        self._controllers = {name: PPIController(p.ppi, dt) for name, p in axes.items()}
+        self._plain = mechanism
         self._propagator = Propagator(with_structure(mechanism, self.axes, effects), dt)
-        self._servos = [_Servo(name, p, self._propagator, dt) for name, p in axes.items()]
-        self._sensors = {name: _Sensors(tuple(effects.get(name, ())), dt) for name in axes}
-        self._disturbances = [
-            _Disturbance(name, tuple(effects[name]), self._propagator) for name in axes if effects.get(name)
+        self._connect(effects)
+
+    def _connect(self, effects: Effects) -> None:
+        propagator = self._propagator
+        self._servos = [
+            _Servo(name, p.transmission, self._controllers[name], propagator)
+            for name, p in self._parameters.items()
         ]
+        self._sensors = {name: _Sensors(tuple(effects.get(name, ())), propagator.dt) for name in self.axes}
+        self._disturbances = [
+            _Disturbance(name, tuple(effects[name]), propagator) for name in self.axes if effects.get(name)
+        ]
+
+    def switch_effects(self, effects: Effects) -> None:
+        """Go on from here, at standstill, with these effects instead of those before."""
+        before = self._propagator
+        self._propagator = Propagator(with_structure(self._plain, self.axes, effects), before.dt)
+        self._propagator.take_over(before)
+        self._connect(effects)
 
     @property
     def changes(self) -> list[ContactChange]:
@@ -77,11 +94,13 @@ class Coupled:
 class _Servo:
     """Connects one axis' controller with its motor."""
 
-    def __init__(self, axis: str, p: AxisParameters, propagator: Propagator, dt: float) -> None:
+    def __init__(
+        self, axis: str, transmission: float, controller: PPIController, propagator: Propagator
+    ) -> None:
         self.axis = axis
         self._propagator = propagator
-        self._controller = PPIController(p.ppi, dt)
-        self._radians = 1 / p.transmission
+        self._controller = controller
+        self._radians = 1 / transmission
         layout, mechanism = propagator.layout, propagator.mechanism
         drive = [d.axis for d in mechanism.drives].index(axis)
         motor, carriage = mechanism.index(body(axis, "motor")), mechanism.index(body(axis, "carriage"))

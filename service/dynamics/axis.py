@@ -13,7 +13,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from service.dynamics.mechanism import Contact, Drive, Mechanism, free_bodies
+from service.dynamics.forces import Contact
+from service.dynamics.mechanism import Drive, Mechanism, free_bodies
 from service.dynamics.parameters import AxisParameters
 
 CHAIN = ("motor", "gearbox", "pinion", "carriage")

@@ -13,31 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from service.dynamics.forces import Contact, Sliding
+
 FloatArray = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Contact:
-    """A dead zone, eqs. (5)-(7): between LL and UL [m] of the elongation row·q nothing is transmitted.
-
-    k [N/m] and d [N s/m] are k_p and d_p; ``name`` is the axis for the gap between pinion and rack.
-    """
-
-    name: str
-    row: FloatArray
-    k: float
-    d: float
-    UL: float
-    LL: float
-
-
-@dataclass(frozen=True)
-class Sliding:
-    """Coulomb friction ``level`` [N] against the sliding speed row·q̇; ``name`` is body or guide."""
-
-    name: str
-    row: FloatArray
-    level: float
 
 
 @dataclass(frozen=True)
@@ -92,8 +70,7 @@ class Mechanism:
 
     def with_sliding(self, name: str, row: FloatArray, level: float, viscous: float = 0.0) -> Mechanism:
         """Add Coulomb friction ``level`` [N] and viscous friction [N s/m] along ``row``."""
-        slidings = (*self.slidings, Sliding(name, row, level))
-        return replace(self.with_element(row, d=viscous), slidings=slidings)
+        return replace(self, slidings=(*self.slidings, Sliding(name, row, level, viscous)))
 
 
 def free_bodies(names: tuple[str, ...], M: FloatArray) -> Mechanism:

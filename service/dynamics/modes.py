@@ -20,7 +20,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from scipy.linalg import expm
 
-from service.dynamics.mechanism import Contact, FloatArray, Mechanism
+from service.dynamics.forces import Contact
+from service.dynamics.mechanism import FloatArray, Mechanism
 
 HALVINGS = 14
 """An event is located to dt/2¹⁴ (8 ns of 0.125 ms), chosen: at 20 mm/s that is 0.15 nm of travel."""
@@ -102,6 +103,7 @@ def _forces(m: Mechanism, layout: Layout, key: Key) -> FloatArray:
         if state:
             force -= np.outer(contact.row, _flank_force(contact, layout, k, state))
     for k, (sliding, state) in enumerate(zip(m.slidings, key.slidings, strict=True)):
+        force[:, layout.v] -= sliding.viscous * np.outer(sliding.row, sliding.row)
         if state:
             level = (layout.up if state > 0 else layout.down).start + k
             force[:, level] -= state * sliding.row

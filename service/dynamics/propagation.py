@@ -52,6 +52,22 @@ class Propagator:
         self._key = Key((0,) * len(mechanism.contacts), (0,) * len(mechanism.slidings))
         self.mode = self._mode(self._key)
 
+    def take_over(self, other: Propagator) -> None:
+        """Go on where ``other`` is now, at standstill; bodies that it lacks are put where their springs rest.
+
+        The state of contacts and slidings is found anew.
+        """
+        m, theirs = self.mechanism, other.mechanism
+        q = np.array(
+            [other.w[theirs.index(b)] if known else 0.0 for b, known in zip(m.bodies, old, strict=True)]
+        )
+        new = ~np.array(old)
+        q[new] = np.linalg.solve(m.K[np.ix_(new, new)], (m.F0 - m.K @ q)[new])
+        self.w[self.layout.q] = q
+        self.w[self.layout.T] = other.w[other.layout.T]
+        self.sub_steps, self.changes = other.sub_steps, other.changes
+        self._change_mode(self.time)
+
     @property
     def time(self) -> float:
         """Time since the start [s]."""

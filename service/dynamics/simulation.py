@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.assembly import Coupled, Effects, Setpoint, assemble
-from service.dynamics.effects import Measured
+from service.dynamics.effects.effect import Measured
 from service.dynamics.parameters import AxisParameters, Machine
 from service.dynamics.propagation import ContactChange
 from service.dynamics.trajectory import jerk_limited_step
@@ -60,11 +60,9 @@ class Plant:
     ) -> None:
         if isinstance(machine, AxisParameters):
             machine = Machine({"X1": machine})
-        unknown = set(effects or ()) - set(machine.axes)
-        if unknown:
-            raise ValueError(f"effects for {sorted(unknown)}, the machine has {', '.join(machine.axes)}")
         self.axes: tuple[str, ...] = tuple(machine.axes)
         self.dt = dt
+        self._check(effects or {})
         self._parts: list[Coupled] = assemble(machine, effects or {}, dt)
 
     def advance(self, duration: float, setpoints: Sequence[Setpoint]) -> list[Measured]:
@@ -88,6 +86,20 @@ class Plant:
         for part in self._parts:
             measured |= part.advance(n, by_axis)
         return [measured[axis] for axis in self.axes]
+
+    def switch_effects(self, effects: Effects) -> None:
+        """Go on with these effects, by axis, instead of those before: a machine that changes overnight.
+
+        To be called at standstill, since speeds are set to zero.
+        """
+        self._check(effects)
+        for part in self._parts:
+            part.switch_effects(effects)
+
+    def _check(self, effects: Effects) -> None:
+        unknown = set(effects) - set(self.axes)
+        if unknown:
+            raise ValueError(f"effects for {sorted(unknown)}, the machine has {', '.join(self.axes)}")
 
     def crossings(self, axis: str) -> tuple[GapCrossing, ...]:
         """Every crossing of the axis' gap so far: the truth that an estimate is compared with."""

@@ -1,4 +1,4 @@
-"""Effects that the paper's model lacks: small classes, appended to a tuple, that change axis or measurement.
+"""What an effect is: a small class, appended to a tuple, that adds what the paper's model lacks.
 
 An effect hooks in at one of three places, and leaves the others as they are:
 
@@ -12,8 +12,9 @@ sub-step and held over it (second order in dt).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import ClassVar, NamedTuple, Protocol
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +49,20 @@ class Measured:
     load_acceleration: FloatArray
 
 
+@dataclass(frozen=True)
+class Quantity:
+    """Unit of an effect's parameter, and the bounds of what a machine can have."""
+
+    unit: str
+    low: float
+    high: float
+
+
+def quantity(unit: str, low: float, high: float) -> Any:
+    """Declare a dataclass field as a parameter with unit and bounds."""
+    return field(metadata={"quantity": Quantity(unit, low, high)})
+
+
 class Effect(Protocol):
     """One effect. The hooks do nothing unless an effect overrides them; its parameters are its fields.
 
@@ -57,6 +72,16 @@ class Effect(Protocol):
     """
 
     name: ClassVar[str]
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+    def __post_init__(self) -> None:
+        for parameter, bounds in quantities(type(self)).items():
+            value = getattr(self, parameter)
+            if not bounds.low <= value <= bounds.high:
+                raise ValueError(
+                    f"{self.name}: {parameter} must lie between {bounds.low:g} and {bounds.high:g} "
+                    f"{bounds.unit}, got {value!r}"
+                )
 
     @property
     def memory(self) -> float:
@@ -75,11 +100,11 @@ class Effect(Protocol):
         return 0.0
 
     def friction(self, level: float, direction: int, at: At) -> float:
-        """Return the Coulomb level [N] of the guide for sliding in ``direction`` ±1."""
+        """Return the Coulomb level [N] of the guide for sliding in ``direction`` ±1, from that without it."""
         return level
 
     def flanks(self, UL: float, LL: float, at: At) -> tuple[float, float]:
-        """Return the flank distances [m] at this place."""
+        """Return the flank distances [m] at this place, from those without it."""
         return UL, LL
 
     def measure(self, measured: Measured, dt: float) -> Measured:
@@ -87,12 +112,6 @@ class Effect(Protocol):
         return measured
 
 
-@dataclass(frozen=True)
-class ConstantForce(Effect):
-    """Gravity on a tilted axis, a counterweight: ``value`` [N], positive along travel."""
-
-    name: ClassVar[str] = "constant_force"
-    value: float
-
-    def force(self, at: At) -> float:
-        return self.value
+def quantities(effect: type[Effect]) -> Mapping[str, Quantity]:
+    """The parameters of an effect with their units and bounds."""
+    return {f.name: f.metadata["quantity"] for f in fields(effect) if "quantity" in f.metadata}
