@@ -17,11 +17,12 @@ from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 from pydantic_settings import BaseSettings, PydanticBaseSettingsSource, SettingsConfigDict
 
-from drivers.busload import BusTraffic, bus_load
+from drivers.busload import CyclicFrame, accelerometer_frames, drive_frames, require_bus_load
+from drivers.errors import BusOverloaded
 from service.dynamics.trajectory import jerk_limited_step
 
-MAX_BUS_LOAD = 0.7
-"""Chosen: above it worst-case stuffing and retransmissions delay frames by more than a SYNC period."""
+HEARTBEAT_PERIOD = 0.1
+"""Of the master and of every drive [s]; chosen: a third of the 0.3 s after which a drive stops by itself."""
 
 NodeId = Annotated[int, Field(ge=1, le=126)]
 CanId = Annotated[int, Field(ge=1, le=0x7FF)]
@@ -264,7 +265,9 @@ def _check_buses(settings: Settings) -> None:
     for axis in settings.axis:
         for user, name in ((axis.name, axis.bus), (f"{axis.name}'s accelerometer", axis.accelerometer.bus)):
             if name not in names:
-                raise ValueError(f"{user} is on bus {name!r}, which is not declared; declared: {sorted(names)}")
+                raise ValueError(
+                    f"{user} is on bus {name!r}, which is not declared; declared: {sorted(names)}"
+                )
     for gantry in settings.gantry:
         if len({settings.axis_named(name).bus for name in gantry.axes}) > 1:
             raise ValueError(f"gantry {gantry.name}: both drives must be on one bus, to share one SYNC")
@@ -302,26 +305,26 @@ def _check_excitation(axis: AxisSettings, excitation: ExcitationSettings) -> Non
 
 
 def _check_load(settings: Settings, bus: BusSettings) -> None:
-    load = bus_load(traffic_of(settings, bus), bus.bitrate)
-    if load > MAX_BUS_LOAD:
+    try:
+        require_bus_load(frames_on(settings, bus), bus.bitrate)
+    except BusOverloaded as error:
         raise ValueError(
-            f"bus {bus.name}: its frames would take {load:.0%} of {bus.bitrate // 1000} kbit/s, more than "
-            f"{MAX_BUS_LOAD:.0%}: raise the bitrate, set sync_period_us = 2000, lower nominal_rate_hz, or give "
-            "the accelerometers a bus of their own"
-        )
+            f"bus {bus.name}: {error.what}: raise the bitrate, set sync_period_us = 2000, lower nominal_rate_hz, "
+            "or give the accelerometers a bus of their own"
+        ) from error
 
 
-def traffic_of(settings: Settings, bus: BusSettings) -> tuple[BusTraffic, ...]:
-    """Every frame that the configuration puts on one bus: name, frames per second, payload bytes."""
-    sync_hz = 1e6 / bus.sync_period_us
-    traffic = []
-    drives = [axis for axis in settings.axis if axis.bus == bus.name]
-    if drives:
-        traffic += [BusTraffic("SYNC", sync_hz, 1), BusTraffic("master heartbeat", 20.0, 1)]
-    for axis in drives:
-        traffic += [BusTraffic(f"{axis.name} TPDO1", sync_hz, 8), BusTraffic(f"{axis.name} heartbeat", 10.0, 1)]
+def frames_on(settings: Settings, bus: BusSettings) -> list[CyclicFrame]:
+    """Every cyclic frame that the configuration puts on one bus."""
+    frames = [CyclicFrame("master heartbeat", 1 / HEARTBEAT_PERIOD, 1)]
     for axis in settings.axis:
+        if axis.bus == bus.name:
+            frames += drive_frames(
+                axis.name,
+                sync_period=bus.sync_period_us * 1e-6,
+                sync_producer=axis.sync_producer,
+                heartbeat_period=HEARTBEAT_PERIOD,
+            )
         if axis.accelerometer.bus == bus.name:
-            rate = axis.accelerometer.nominal_rate_hz / 3
-            traffic += [BusTraffic(f"{axis.name} acceleration", rate, 8), BusTraffic("sensor time", 10.0, 8)]
-    return tuple(traffic)
+            frames += accelerometer_frames(axis.name, sample_rate=axis.accelerometer.nominal_rate_hz)
+    return frames

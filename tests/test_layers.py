@@ -38,13 +38,31 @@ ALLOWED: dict[str, set[str]] = {
 }  # fmt: skip
 """Each room and what it may import of the house; a room may always import itself. service.cli imports all."""
 
-FORBIDDEN_IN_NUMERICS = {"time", "threading", "sqlalchemy", "pydantic", "can", "canopen", "fastapi", "asyncio"}
-PURE = ("service.recording", "service.dynamics", "service.backlash", "service.monitoring", "service.identification")
+FORBIDDEN_IN_NUMERICS = {
+    "time",
+    "threading",
+    "sqlalchemy",
+    "pydantic",
+    "can",
+    "canopen",
+    "fastapi",
+    "asyncio",
+}
+PURE = (
+    "service.recording",
+    "service.dynamics",
+    "service.backlash",
+    "service.monitoring",
+    "service.identification",
+)
 
 
 def modules() -> dict[str, Path]:
     files = [path for top in ("service", "drivers") for path in (ROOT / top).rglob("*.py")]
-    return {".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path for path in files}
+    return {
+        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
+        for path in files
+    }
 
 
 def imports(path: Path) -> set[str]:

@@ -7,6 +7,7 @@ for the next.
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import time
 from collections.abc import Callable
@@ -15,7 +16,17 @@ from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 
 from service.config import Settings
-from service.motion.messages import Abort, Alive, Execute, Failed, Progress, Ready, Recorded, Request, Shutdown
+from service.motion.messages import (
+    Abort,
+    Alive,
+    Execute,
+    Failed,
+    Progress,
+    Ready,
+    Recorded,
+    Request,
+    Shutdown,
+)
 from service.motion.process import MachineOpener, motion_main
 
 START_LIMIT = 20.0
@@ -78,10 +89,8 @@ class MotionClient(AbstractContextManager["MotionClient"]):
     def close(self) -> None:
         """End the motion process; harmless when there is none."""
         if self._connection is not None:
-            try:
+            with contextlib.suppress(OSError):  # it is gone already, which is what was wanted
                 self._connection.send(Shutdown())
-            except OSError:
-                pass  # it is gone already, which is what was wanted
         self._reap()
 
     def _await_recording(self, connection: Connection, on_progress: Callable[[Progress], None]) -> Recorded:

@@ -6,14 +6,14 @@ the plan is bounded by construction, and the drive keeps its own limits.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from service.config import AxisSettings, ExcitationSettings
 from service.dynamics.trajectory import jerk_limited_step
 
 
-class NotPermitted(RuntimeError):  # noqa: N818 - named for what the technician is told
+class NotPermitted(RuntimeError):
     """The machine's state does not permit the plan; the message says which axis, why, and what to do."""
 
 
@@ -52,7 +52,7 @@ class Plan:
 
 
 def plan_steps(
-    axes: tuple[AxisSettings, ...], excitation: ExcitationSettings, positions: Mapping[str, float]
+    axes: Sequence[AxisSettings], excitation: ExcitationSettings, positions: Mapping[str, float]
 ) -> Plan:
     """Plan the diagnostic steps of one group from where its axes stand.
 
@@ -66,7 +66,11 @@ def plan_steps(
     """
     length = excitation.step_length_m
     first = next(
-        (sign for sign in (1, -1) if all(_stays_inside(axis, positions[axis.name], sign * length) for axis in axes)),
+        (
+            sign
+            for sign in (1, -1)
+            if all(_stays_inside(axis, positions[axis.name], sign * length) for axis in axes)
+        ),
         None,
     )
     if first is None:
@@ -94,7 +98,7 @@ def _stays_inside(axis: AxisSettings, position: float, travel: float) -> bool:
     )
 
 
-def _no_room(axes: tuple[AxisSettings, ...], positions: Mapping[str, float], length: float) -> str:
+def _no_room(axes: Sequence[AxisSettings], positions: Mapping[str, float], length: float) -> str:
     where = ", ".join(
         f"{axis.name} stands at {positions[axis.name] * 1e3:.2f} mm of "
         f"{axis.travel_min_m * 1e3:.2f} … {axis.travel_max_m * 1e3:.2f} mm"

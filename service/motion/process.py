@@ -5,6 +5,7 @@ Nothing else runs in it, so that neither a slow database nor a long fit can dela
 
 from __future__ import annotations
 
+import contextlib
 import signal
 import time
 from collections.abc import Callable
@@ -70,10 +71,8 @@ def _execute(connection: Connection, machine: Machine, group: str) -> Reply:
 
 
 def _try_send(connection: Connection, reply: Reply) -> None:
-    try:
+    with contextlib.suppress(OSError):  # the service is gone; the next recv ends the process
         connection.send(reply)
-    except OSError:
-        pass  # the service is gone; the next recv ends the process
 
 
 class _ClientGuard:

@@ -11,31 +11,27 @@ import queue
 import threading
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
 from datetime import date
 
 from service.config import Settings
-from service.motion.messages import Progress
+from service.motion import messages
 from service.runs.diagnostic_run import Workshop, diagnostic_run
 from service.store.errors import StoreError
-from service.store.records import Queued, QueueAnswer, RunEnd, RunKind, RunOrder
+from service.store.records import (
+    CheckAnswer,
+    Progress,
+    QueueAnswer,
+    Queued,
+    RunEnd,
+    RunKind,
+    RunOrder,
+    RunRecord,
+    UnknownTarget,
+)
 
 log = logging.getLogger(__name__)
 
-
-@dataclass(frozen=True)
-class Unknown:
-    """Refused: no axis and no group of the configuration has this name."""
-
-    target: str
-
-
-@dataclass(frozen=True)
-class Status:
-    """What the box holds now; ``progress`` is None while nothing moves."""
-
-    run_id: int | None
-    progress: Progress | None
+FINAL = ("ok", "refused", "failed")
 
 
 class Box(AbstractContextManager["Box"]):
@@ -46,9 +42,8 @@ class Box(AbstractContextManager["Box"]):
         self._workshop = workshop
         self._abort = abort
         self._orders: queue.Queue[int | None] = queue.Queue()
-        self._status = Status(None, None)
+        self._progress: Progress | None = None
         self._finished = threading.Condition()
-        self._ends: dict[int, RunEnd | None] = {}
         self._thread = threading.Thread(target=self._work, name="runs")
 
     def __enter__(self) -> Box:
@@ -60,23 +55,39 @@ class Box(AbstractContextManager["Box"]):
         self._orders.put(None)
         self._thread.join()
 
-    def request(
-        self,
-        target: str,
-        *,
-        kind: RunKind = "on_demand",
-        local_date: date | None = None,
-        idempotency_key: str | None = None,
-    ) -> QueueAnswer | Unknown:
-        """Put a run on the group that ``target`` names, or that holds the axis it names, into the box."""
+    def request(self, target: str, idempotency_key: str | None = None) -> CheckAnswer:
+        """Put a check of the axis or group called ``target`` into the box, or say why not."""
+        return self._put(target, "on_demand", None, idempotency_key)
+
+    def request_nightly(self, group: str, local_date: date) -> CheckAnswer:
+        """Put the nightly run of a group and local date into the box, or say why not."""
+        return self._put(group, "nightly", local_date, None)
+
+    def progress(self) -> Progress | None:
+        """Where the run in the box stands; None when the machine is idle."""
+        return self._progress
+
+    def wait(self, run_id: int, timeout: float) -> RunRecord:
+        """Wait up to ``timeout`` [s] for a run of this box to end, and return it as it stands then."""
+        with self._finished:
+            self._finished.wait_for(lambda: self._run(run_id).state in FINAL, timeout)
+        return self._run(run_id)
+
+    def _run(self, run_id: int) -> RunRecord:
+        return self._workshop.repository.run(run_id)
+
+    def _put(
+        self, target: str, kind: RunKind, local_date: date | None, idempotency_key: str | None
+    ) -> QueueAnswer | UnknownTarget:
+        groups = self._settings.groups
         group = self._settings.group_of(target)
         if group is None:
-            return Unknown(target)
+            return UnknownTarget(tuple(sorted({*groups, *(axis.name for axis in self._settings.axis)})))
         order = RunOrder(
             kind=kind,
             target=target,
             group=group,
-            axes=self._settings.groups[group],
+            axes=groups[group],
             requested_at=self._workshop.wall_time(),
             local_date=local_date,
             idempotency_key=idempotency_key,
@@ -86,37 +97,25 @@ class Box(AbstractContextManager["Box"]):
             self._orders.put(answer.run_id)
         return answer
 
-    def status(self) -> Status:
-        """What is being done."""
-        return self._status
-
-    def wait(self, run_id: int, timeout: float) -> RunEnd | None:
-        """Wait up to ``timeout`` [s] for a run that this box carries out; None when it has not ended."""
-        with self._finished:
-            self._finished.wait_for(lambda: run_id in self._ends, timeout)
-            return self._ends.get(run_id)
-
     def _work(self) -> None:
         while (run_id := self._orders.get()) is not None:
-            end: RunEnd | None = None
-            try:
-                run = self._workshop.repository.run(run_id)
-                self._status = Status(run_id, None)
-                end = diagnostic_run(self._workshop, run, self._note)
-            except StoreError:
-                log.exception("run %d: the store refuses", run_id)
-            except Exception:
-                # The worker must outlive whatever a run does; the run itself stays visible as interrupted.
-                log.exception("run %d ended by a fault of the program", run_id)
-                self._give_up(run_id)
-            finally:
-                self._status = Status(None, None)
-                with self._finished:
-                    self._ends[run_id] = end
-                    self._finished.notify_all()
+            self._carry_out(run_id)
+            self._progress = None
+            with self._finished:
+                self._finished.notify_all()
 
-    def _note(self, progress: Progress) -> None:
-        self._status = Status(self._status.run_id, progress)
+    def _carry_out(self, run_id: int) -> None:
+        try:
+            run = self._run(run_id)
+            self._note(run, messages.Progress(0, 0, "connect to the drives"))
+            diagnostic_run(self._workshop, run, lambda progress: self._note(run, progress))
+        except Exception:
+            # The worker must outlive whatever a run does; the run itself is stored as failed.
+            log.exception("run %d ended by a fault of the program", run_id)
+            self._give_up(run_id)
+
+    def _note(self, run: RunRecord, progress: messages.Progress) -> None:
+        self._progress = Progress(run.id, run.target, progress.text, progress.done, progress.total)
 
     def _give_up(self, run_id: int) -> None:
         end = RunEnd(

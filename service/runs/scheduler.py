@@ -61,7 +61,7 @@ class Scheduler(AbstractContextManager["Scheduler"]):
         """Put the first group that has no run of this local date yet into the box; the others follow."""
         for group in self._settings.groups:
             if day not in self._workshop.repository.nightly_runs(group, day):
-                self._box.request(group, kind="nightly", local_date=day)
+                self._box.request_nightly(group, day)
                 return
 
     def _last_value(self, axis: str) -> datetime:

@@ -57,7 +57,10 @@ def test_a_run_can_be_aborted(client: MotionClient) -> None:
 
 
 def test_a_machine_that_cannot_be_opened_says_why(settings: Settings) -> None:
-    with MotionClient(settings, open_broken) as client, pytest.raises(MotionError, match="can0 does not exist"):
+    with (
+        MotionClient(settings, open_broken) as client,
+        pytest.raises(MotionError, match="can0 does not exist"),
+    ):
         client.execute("good")
 
 

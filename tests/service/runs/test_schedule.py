@@ -1,5 +1,6 @@
 """The nightly run is due exactly once per local date, also when the clocks change."""
 
+import itertools
 from datetime import UTC, date, datetime, time, timedelta
 from zoneinfo import ZoneInfo
 
@@ -31,7 +32,7 @@ def fired(start: datetime, end: datetime, at: time, zone: ZoneInfo) -> list[date
 def test_one_run_per_local_date_through_the_clock_change(start: datetime, changes: str, at: time) -> None:
     days = fired(start, start + timedelta(days=4), at, BERLIN)
     assert len(days) == 4
-    assert [later - earlier for earlier, later in zip(days, days[1:], strict=False)] == [timedelta(days=1)] * 3
+    assert [later - earlier for earlier, later in itertools.pairwise(days)] == [timedelta(days=1)] * 3
 
 
 def test_the_repeated_hour_means_its_first_occurrence() -> None:
@@ -59,7 +60,9 @@ def test_a_window_across_midnight_belongs_to_the_day_it_began() -> None:
 def test_a_missed_date_is_named_once_its_window_has_closed() -> None:
     due = due_instant(date(2026, 7, 1), time(2, 30), BERLIN)
     assert latest_missed_date(due + LATE, time(2, 30), BERLIN, LATE) == date(2026, 7, 1)
-    assert latest_missed_date(due + LATE - timedelta(seconds=1), time(2, 30), BERLIN, LATE) == date(2026, 6, 30)
+    assert latest_missed_date(due + LATE - timedelta(seconds=1), time(2, 30), BERLIN, LATE) == date(
+        2026, 6, 30
+    )
 
 
 def test_nights_without_a_value_are_counted_only_once_they_have_closed() -> None:
