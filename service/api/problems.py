@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from http import HTTPStatus
 from typing import Any
 
@@ -12,7 +12,7 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.exceptions import HTTPException
-from starlette.routing import BaseRoute, Match
+from starlette.routing import Match
 
 from service.store.errors import UnknownRecordError
 
@@ -52,20 +52,20 @@ class ProblemError(HTTPException):
         headers: Mapping[str, str] | None = None,
     ) -> None:  # fmt: skip
         """Name the kind (last part of the URN), its title and what happened."""
-        super().__init__(status, detail, headers)
+        super().__init__(status, detail, dict(headers or {}))
         self.kind, self.title, self.run_id = kind, title, run_id
 
 
 def responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
     """Describe the problems of a route for OpenAPI; those that every route can have are included."""
     schema = {"schema": {"$ref": "#/components/schemas/Problem"}}
-    every = sorted({401, 403, 422, 500, *statuses})
+    every = sorted({401, 403, 413, 422, 500, *statuses})
     return {code: {"description": HTTPStatus(code).phrase, "content": {MEDIA_TYPE: schema}} for code in every}
 
 
 def install(app: FastAPI) -> None:
     """Answer every error of an application as problem+json."""
-    app.add_exception_handler(HTTPException, _http)
+    app.add_exception_handler(HTTPException, respond_http)
     app.add_exception_handler(RequestValidationError, _invalid)
     app.add_exception_handler(UnknownRecordError, _unknown)
     app.add_exception_handler(Exception, _unexpected)
@@ -82,7 +82,8 @@ def _problem(status: int, kind: str, title: str, detail: str, **more: Any) -> Pr
     return Problem(type=urn, title=title, status=status, detail=detail, instance="", **more)
 
 
-async def _http(request: Request, error: Exception) -> JSONResponse:
+async def respond_http(request: Request, error: Exception) -> JSONResponse:
+    """Answer an HTTP error as a problem."""
     assert isinstance(error, HTTPException)
     headers = dict(error.headers or {})
     if isinstance(error, ProblemError):
@@ -119,9 +120,7 @@ async def _unexpected(request: Request, error: Exception) -> JSONResponse:
 def _allowed(request: Request) -> set[str]:
     """All methods under which some route knows the path; Starlette names only those of the first."""
     app: FastAPI = request.app
-    found = (_methods(route) for route in app.routes if route.matches(request.scope)[0] is not Match.NONE)
-    return {method for methods in found for method in methods}
-
-
-def _methods(route: BaseRoute) -> Iterator[str]:
-    yield from getattr(route, "methods", None) or ()
+    asked = ({**request.scope, "method": method} for method in ("DELETE", "GET", "PATCH", "POST", "PUT"))
+    return {
+        scope["method"] for scope in asked for route in app.routes if route.matches(scope)[0] is Match.FULL
+    }

@@ -170,7 +170,7 @@ class RunView(Reasoned):
         description="Whether a person asked for it or the schedule did."
     )
     state: Literal["queued", "running", "ok", "refused", "failed"] = Field(
-        description="Where it stands; 'refused' when no axis gave a value, 'failed' when nothing was measured."
+        description="Where it stands; 'refused' when no axis gave a value, 'failed' when none was measured."
     )
     target: str = Field(description="What was asked for: an axis or a group.")
     group: str = Field(description="The group that moved.")

@@ -12,11 +12,11 @@ from starlette.types import Lifespan
 
 from service.api import problems
 from service.api.access import guard
+from service.api.limits import BodyLimit
 from service.api.ports import Checks, Picture, WebSettings, nothing_missing, now_utc
 from service.api.routes import alarms, axes, checks, health, page, runs
 from service.store.repository import Repository
 
-_LARGEST_BODY = 64 * 1024
 _DESCRIPTION = (
     "Backlash of rack-and-pinion axes: values, trends, alarms, runs. SI units, the unit in every name; "
     "errors are problem+json (RFC 9457). A refused value is null and has a reason."
@@ -45,9 +45,9 @@ def create_web_app(
         docs_url=None,  # both documentation pages load their scripts from the internet
         redoc_url=None,
         lifespan=lifespan,
-        max_body_size=_LARGEST_BODY,
     )
     problems.install(app)
+    app.add_middleware(BodyLimit)
     guarded = [Depends(guard(settings))]
     for router in (
         axes.router(repository),

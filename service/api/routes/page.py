@@ -1,4 +1,4 @@
-"""The technician's page: three files from this package, and nothing from anywhere else."""
+"""The technician's page: files of this package, and nothing from anywhere else."""
 
 from __future__ import annotations
 
@@ -16,19 +16,16 @@ _HEADERS = {
     "Referrer-Policy": "no-referrer",
     "Cache-Control": "no-cache",
 }
-_FILES = {
-    "/": ("page.html", "text/html"),
-    "/page.js": ("page.js", "text/javascript"),
-    "/page.css": ("page.css", "text/css"),
-}
+_TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
 
 
 def router() -> APIRouter:
     """Build the routes of the page's files, which are read once."""
     api = APIRouter(include_in_schema=False)
-    folder = files("service.api") / "static"
-    for path, (name, media_type) in _FILES.items():
-        _add(api, path, (folder / name).read_bytes(), media_type)
+    for file in (files("service.api") / "static").iterdir():
+        media_type = _TYPES["." + file.name.rpartition(".")[2]]
+        path = "/" if file.name == "page.html" else f"/static/{file.name}"
+        _add(api, path, file.read_bytes(), media_type)
     return api
 
 

@@ -1,0 +1,94 @@
+// One card per axis: where its backlash stands, what is wrong, and what can be done.
+
+import { curve } from "./chart.js";
+import { el, getJson, interval, um, when } from "./dom.js";
+
+const STATES = {
+  normal: ["No alarm", ""],
+  unacknowledged: ["ALARM", "bad"],
+  acknowledged: ["Alarm, acknowledged", "bad"],
+  returned_unacknowledged: ["Alarm is over", "warn"],
+};
+const KINDS = { backlash_high: "Backlash too large", backlash_low: "Backlash too small", run_missing: "No measurement" };
+const HISTORY = 90;
+
+const histories = new Map();
+
+// The history of an axis, fetched again only when it has a new answer.
+async function history(axis) {
+  const mark = `${axis.series}/${axis.latest?.run_id}/${axis.latest?.method}`;
+  const known = histories.get(axis.name);
+  if (known?.mark === mark) return known.items;
+  const page = await getJson(`/api/v1/axes/${encodeURIComponent(axis.name)}/history?limit=${HISTORY}`);
+  histories.set(axis.name, { mark, items: page.items });
+  return page.items;
+}
+
+export async function card(axis, axes, actions) {
+  const values = await history(axis);
+  return el("article", { class: `card ${axis.alarm_state}`, "aria-label": `Axis ${axis.name}` },
+    head(axis), value(axis), trend(axis), refusal(axis), ...axis.alarms.map((a) => alarm(a, actions)),
+    curve(axis, values), checkButton(axis, axes, actions));
+}
+
+function head(axis) {
+  const [text, tone] = STATES[axis.alarm_state];
+  const title = el("h3", {}, `Axis ${axis.name}`);
+  if (axis.group !== axis.name) title.append(el("small", { class: "soft" }, `  ${axis.group}`));
+  return el("div", { class: "top" }, title, el("span", { class: `chip ${tone}` }, text));
+}
+
+function value(axis) {
+  const now = axis.current;
+  if (now === null) return el("div", { class: "value" }, "—", el("small", {}, " not measured yet"));
+  const box = el("div", {});
+  box.append(
+    el("div", { class: "value" }, um(now.backlash_m), el("small", {}, ` ${interval(now.backlash_m, now.interval_95_m)} µm`)),
+    el("p", { class: "soft" }, `measured ${when(now.measured_at)}, run ${now.run_id}, method ${now.method}`));
+  return box;
+}
+
+function trend(axis) {
+  const now = axis.current?.trend;
+  if (!now) return null;
+  const parts = [`Trend ${um(now.level_m)} µm`];
+  if (now.slope_m_per_day !== null) parts.push(slope(now));
+  if (axis.reference_m !== null && axis.tolerance_m !== null) {
+    parts.push(`to stay within ${um(axis.reference_m)} ± ${um(axis.tolerance_m)} µm`);
+  }
+  return el("p", { class: "soft" }, parts.join(", "));
+}
+
+// A slope whose interval holds zero is not stated as one.
+function slope(now) {
+  const [low, high] = now.slope_interval_95_m_per_day;
+  if (low <= 0 && high >= 0) return "steady";
+  const month = now.slope_m_per_day * 30;
+  return `${month > 0 ? "growing" : "shrinking"} ${um(Math.abs(month))} µm a month`;
+}
+
+function refusal(axis) {
+  const last = axis.latest;
+  if (!last || last.verdict === "ok") return null;
+  return el("p", { class: "note" }, `The latest run (${last.run_id}, ${when(last.measured_at)}) gave no value. ${last.reason_in_words}`);
+}
+
+function alarm(found, actions) {
+  const text = `${KINDS[found.kind] ?? found.kind} since ${when(found.raised_at)}: ${found.detail}. ${ending(found)}`;
+  const box = el("div", { class: `alarm ${found.active ? "" : "over"}` }, el("span", {}, text));
+  if (!found.acknowledged) {
+    box.append(el("button", { onclick: () => actions.acknowledge(found), "aria-label": `Acknowledge: ${text}` }, "Acknowledge"));
+  }
+  return box;
+}
+
+function ending(found) {
+  const over = found.active ? "" : `Over since ${when(found.cleared_at)}. `;
+  return over + (found.acknowledged ? `Seen by ${found.acknowledged_by}.` : "");
+}
+
+function checkButton(axis, axes, actions) {
+  const moving = axes.filter((other) => other.group === axis.group).map((other) => other.name);
+  const label = moving.length > 1 ? `Check ${moving.join(" and ")} now` : `Check ${axis.name} now`;
+  return el("button", { class: "main check", disabled: actions.blocked(), onclick: () => actions.check(axis, moving) }, label);
+}

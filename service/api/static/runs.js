@@ -1,0 +1,98 @@
+// The list of runs; one opens to its values, steps and pictures.
+
+import { el, getBlobUrl, getJson, interval, um, when } from "./dom.js";
+
+const STATES = { queued: "waiting", running: "moving", ok: "measured", refused: "refused", failed: "failed" };
+
+export function runItem(run) {
+  const body = el("div", { class: "run-body", id: `run-${run.id}`, hidden: true });
+  const head = el("button", { class: "run-head", "aria-expanded": "false", "aria-controls": body.id },
+    el("span", {}, `# ${run.id}`),
+    el("span", {}, when(run.finished_at ?? run.requested_at)),
+    el("span", { class: `state ${run.state}` }, STATES[run.state]),
+    el("span", {}, run.axes.join(", ")),
+    el("span", { class: "why" }, run.reason_in_words ?? (run.kind === "nightly" ? "nightly" : "on demand")),
+    el("span", { class: "more", "aria-hidden": "true" }, "▾"));
+  head.addEventListener("click", () => toggle(run, head, body));
+  return el("li", { "data-mark": `${run.id}/${run.state}` }, head, body);
+}
+
+async function toggle(run, head, body) {
+  body.hidden = !body.hidden;
+  head.setAttribute("aria-expanded", String(!body.hidden));
+  if (body.hidden || body.childElementCount > 0) return;
+  try {
+    body.append(...(await contents(await getJson(`/api/v1/runs/${run.id}`))));
+  } catch (error) {
+    body.append(el("p", { class: "note" }, error.message));
+    body.addEventListener("click", () => body.replaceChildren(), { once: true });
+  }
+}
+
+async function contents(run) {
+  const parts = [];
+  if (run.detail) parts.push(el("p", { class: "note" }, run.detail));
+  parts.push(...run.results.flatMap((result) => resultParts(run, result)));
+  if (run.capture_sha256) {
+    parts.push(el("p", {}, el("button", { class: "quiet", onclick: () => download(run) }, "Download the recording")));
+  }
+  if (parts.length === 0) parts.push(el("p", { class: "soft" }, "Nothing was recorded in this run."));
+  return parts;
+}
+
+function resultParts(run, result) {
+  const text = result.backlash_m === null
+    ? `no value. ${result.reason_in_words}`
+    : `${um(result.backlash_m)} µm ${interval(result.backlash_m, result.interval_95_m)}`;
+  const beside = result.reported ? "" : " (beside)";
+  const parts = [el("h3", {}, `Axis ${result.axis}: ${text}`),
+    el("p", { class: "soft" }, `method ${result.method}${beside}`)];
+  if (result.detail) parts.push(el("p", { class: "soft" }, result.detail));
+  if (result.steps.length === 0) return parts;
+  if (run.capture_sha256 && result.reported) parts.push(pictures(run, result));
+  parts.push(el("div", { class: "scroll" }, stepTable(result)));
+  return parts;
+}
+
+function stepTable(result) {
+  const row = (step) => el("tr", {},
+    el("td", {}, String(step.index + 1)),
+    el("td", {}, step.direction > 0 ? "forth" : "back"),
+    el("td", { class: "number" }, step.backlash_m === null ? "—" : `${um(step.backlash_m)} µm`),
+    el("td", {}, step.reason_in_words ?? ""));
+  return el("table", {},
+    el("thead", {}, el("tr", {}, ...["Step", "Way", "Backlash", "If refused, why"].map((name) => el("th", { scope: "col" }, name)))),
+    el("tbody", {}, ...result.steps.map(row)));
+}
+
+function pictures(run, result) {
+  const image = el("img", { class: "picture", alt: "" });
+  const label = el("span", { "aria-live": "polite" });
+  let at = 0;
+  const show = async () => {
+    const step = result.steps[at];
+    label.textContent = `Step ${step.index + 1} of ${result.steps.length}`;
+    image.alt = `Motor and load acceleration of axis ${result.axis} in step ${step.index + 1}, where the flanks part and meet`;
+    const query = `axis=${encodeURIComponent(result.axis)}&step=${step.index}`;
+    try {
+      const old = image.src;
+      image.src = await getBlobUrl(`/api/v1/runs/${run.id}/picture?${query}`);
+      if (old) URL.revokeObjectURL(old);
+      image.hidden = false;
+    } catch (error) {
+      image.hidden = true;
+      label.textContent = error.message;
+    }
+  };
+  const turn = (by) => () => { at = (at + by + result.steps.length) % result.steps.length; show(); };
+  show();
+  return el("div", {}, image, el("div", { class: "pager" },
+    el("button", { class: "quiet", onclick: turn(-1), "aria-label": "Previous step" }, "‹"), label,
+    el("button", { class: "quiet", onclick: turn(1), "aria-label": "Next step" }, "›")));
+}
+
+async function download(run) {
+  const url = await getBlobUrl(`/api/v1/runs/${run.id}/capture`);
+  el("a", { href: url, download: `run-${run.id}.parquet` }).click();
+  setTimeout(() => URL.revokeObjectURL(url), 60_000);
+}
