@@ -7,18 +7,27 @@ With ``--json`` stdout carries JSON and nothing else; progress and complaints go
 from __future__ import annotations
 
 import json
+import os
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 if TYPE_CHECKING:
+    from service.app import House
     from service.backlash.results import AxisResult
+    from service.config import Settings
+    from service.demo import ComparedAxis, Comparison
+    from service.motion.process import MachineOpener
+    from service.store.records import RunRecord
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -28,7 +37,8 @@ app = typer.Typer(
 )
 
 ConfigOption = Annotated[
-    Path, typer.Option("--config", "-c", help="Configuration of the machine (TOML).", envvar="FLANKWATCH_CONFIG")
+    Path,
+    typer.Option("--config", "-c", help="Configuration of the machine (TOML).", envvar="FLANKWATCH_CONFIG"),
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON (SI units) on stdout, nothing else.")]
 
@@ -79,11 +89,230 @@ def analyze(
                 failed = True
                 continue
             if as_json:
-                print_json({"capture": str(path), "axes": [axis_result_to_json(result) for result in results]})
+                print_json(
+                    {"capture": str(path), "axes": [axis_result_to_json(result) for result in results]}
+                )
             else:
                 print_results(str(path), results)
     if failed:
         raise typer.Exit(1)
+
+
+@app.command()
+def demo(
+    once: Annotated[bool, typer.Option("--once", help="Exit after the first run of every group.")] = False,
+    as_json: JsonOption = False,
+    port: Annotated[int, typer.Option(help="Port of the API on loopback; 0 takes a free one.")] = 8470,
+    directory: Annotated[
+        Path | None, typer.Option(help="Keep the data here; else they are thrown away.")
+    ] = None,
+) -> None:
+    """Run the whole product against a simulated laser cutter: a gantry and a single axis on virtual CAN."""
+    from service.demo import compare, demo_settings, open_demo
+
+    with ExitStack() as stack:
+        folder = directory or Path(stack.enter_context(TemporaryDirectory(prefix="flankwatch-")))
+        settings = demo_settings(folder, port)
+        house = stack.enter_context(_opened(settings, partial(open_demo, paced=not once)))
+        runs = [_run_group(house, group) for group in settings.groups]
+        comparison = compare(house, runs)
+        if as_json:
+            print_json(comparison.as_json())
+        else:
+            print_comparison(comparison)
+        if not once:
+            _serve(house, settings)
+    if comparison.failed or any(axis.error is None for axis in comparison.axes):
+        raise typer.Exit(1)
+
+
+@app.command()
+def serve(config: ConfigOption = DEFAULT_CONFIG) -> None:
+    """Run the service: REST API and page, nightly schedule, checks on demand."""
+    settings = _settings(config)
+    with _opened(settings) as house:
+        _serve(house, settings)
+
+
+@app.command()
+def check(
+    target: Annotated[str, typer.Argument(help="Axis or group, e.g. X1.", metavar="AXIS")],
+    url: Annotated[
+        str, typer.Option(help="Where the service listens.", envvar="FLANKWATCH_URL")
+    ] = "http://127.0.0.1:8470",
+    as_json: JsonOption = False,
+) -> None:
+    """Have the running service make a diagnostic run now, wait for it, and print what it found. The axis moves."""
+    from service.remote import RemoteError, Service
+
+    service = Service(url, os.environ.get("FLANKWATCH_TOKEN"))
+    try:
+        with progress_bar() as bar:
+            task = bar.add_task(f"check {target}", total=None)
+            run = service.check(target, lambda done, total, text: _advance(bar, task, done, total, text))
+    except RemoteError as error:
+        complain(str(error))
+        raise typer.Exit(1) from None
+    if as_json:
+        print_json(run)
+    else:
+        print_run(run)
+    if run["state"] != "ok":
+        raise typer.Exit(1)
+
+
+@app.command("check-config")
+def check_config(
+    config: Annotated[Path, typer.Argument(help="Configuration (TOML).")] = DEFAULT_CONFIG,
+) -> None:
+    """Check a configuration and print what it means: groups, the step, the load of each bus."""
+    from drivers.busload import bus_load
+    from service.config import frames_on
+    from service.dynamics.trajectory import jerk_limited_step
+
+    settings = _settings(config)
+    excitation = settings.excitation
+    limits = (
+        min(axis.acceleration_limit_m_s2 for axis in settings.axis),
+        min(axis.velocity_limit_m_s for axis in settings.axis),
+    )
+    step = jerk_limited_step(excitation.step_length_m, excitation.jerk_m_s3, *limits)
+    console = Console(highlight=False)
+    console.print(f"{config}: sound, machine {settings.machine.name!r}", markup=False)
+    for group, axes in settings.groups.items():
+        console.print(f"  group {group}: {', '.join(axes)}", markup=False)
+    console.print(
+        f"  step: {excitation.step_length_m * 1e3:g} mm in {step.duration * 1e3:.1f} ms, "
+        f"a_max {step.a_max:.2f} m/s², v_max {step.v_max * 1e3:.1f} mm/s"
+    )
+    for bus in settings.bus:
+        load = bus_load(frames_on(settings, bus), bus.bitrate)
+        console.print(f"  bus {bus.name}: {load:.0%} of {bus.bitrate // 1000} kbit/s", markup=False)
+
+
+@app.command()
+def picture(
+    file: Annotated[Path, typer.Argument(help="Capture.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="SVG to write.")],
+    axis: Annotated[str | None, typer.Option(help="Axis; the first one of the capture if not given.")] = None,
+    step: Annotated[int, typer.Option(min=0, help="Index of the step.")] = 0,
+) -> None:
+    """Draw one step of a capture: motor and load acceleration, t1 and t2."""
+    from service.backlash.estimate import estimate
+    from service.backlash.figure import step_picture
+    from service.captures import CaptureError, read_capture
+
+    try:
+        recording = read_capture(file)
+    except CaptureError as error:
+        complain(str(error))
+        raise typer.Exit(1) from None
+    name = axis or recording.axes[0].name
+    result = next((result for result in estimate(recording) if result.axis == name), None)
+    drawn = None if result is None else step_picture(recording, name, step, result)
+    if drawn is None:
+        complain(f"{file}: there is no step {step} of axis {name!r} to draw")
+        raise typer.Exit(1)
+    out.write_text(drawn, encoding="utf-8")
+
+
+def _settings(path: Path) -> Settings:
+    from service.config import ConfigError, load_settings
+
+    try:
+        return load_settings(path)
+    except ConfigError as error:
+        complain(str(error))
+        raise typer.Exit(1) from None
+
+
+@contextmanager
+def _opened(settings: Settings, machine: MachineOpener | None = None) -> Iterator[House]:
+    """The whole service, or exit status 1 with the store's own words."""
+    from service.app import house
+    from service.store.errors import StoreError
+
+    try:
+        with house(settings, machine) if machine else house(settings) as opened:
+            yield opened
+    except (StoreError, OSError) as error:
+        complain(str(error))
+        raise typer.Exit(1) from None
+
+
+def _run_group(house: House, group: str) -> RunRecord:
+    """Make one run through the box, as a technician would, with a progress bar."""
+    from service.store.records import Queued
+
+    answer = house.box.request(group)
+    if not isinstance(answer, Queued):
+        complain(f"{group}: the machine is not free: {answer}")
+        raise typer.Exit(1)
+    with progress_bar() as bar:
+        task = bar.add_task(group, total=None)
+        while (run := house.box.wait(answer.run_id, 0.1)).state not in ("ok", "refused", "failed"):
+            if progress := house.box.progress():
+                _advance(bar, task, progress.done, progress.total, f"{group}: {progress.phase}")
+    return run
+
+
+def _advance(bar: Progress, task: TaskID, done: int, total: int, text: str) -> None:
+    bar.update(task, completed=done, total=total or None, description=text)
+
+
+def _serve(house: House, settings: Settings) -> None:
+    import uvicorn
+
+    address = f"http://{settings.api.host}:{settings.api.port}"
+    complain(f"Flankwatch watches {settings.machine.name}: {address} (Ctrl-C ends it)")
+    uvicorn.run(house.web(), host=settings.api.host, port=settings.api.port, log_level="warning")
+
+
+def print_comparison(comparison: Comparison) -> None:
+    """The demo's table: estimated beside the simulated truth."""
+    table = Table(title="Estimated and simulated backlash", title_justify="left", title_style="bold")
+    table.add_column("axis")
+    for heading in ("estimated µm", "95 % µm", "true µm", "error µm", "error %"):
+        table.add_column(heading, justify="right")
+    table.add_column("method")
+    for axis in comparison.axes:
+        table.add_row(axis.result.axis, *_compared_cells(axis))
+    console = Console()
+    console.print(table)
+    for run in comparison.failed:
+        console.print(f"{run.group}: {run.reason}: {run.detail}", markup=False)
+
+
+def _compared_cells(axis: ComparedAxis) -> tuple[str, ...]:
+    result, error = axis.result, axis.error
+    truth = f"{axis.truth * 1e6:.2f}"
+    if result.backlash is None or error is None:
+        return "–", "–", truth, "–", "–", f"refused: {result.detail or result.reason}"
+    return (
+        f"{result.backlash * 1e6:.2f}",
+        _interval_text(result.interval_95),
+        truth,
+        f"{error * 1e6:+.2f}",
+        f"{error / axis.truth:+.1%}",
+        result.method,
+    )
+
+
+def print_run(run: dict[str, Any]) -> None:
+    """One finished run of the service, as a technician reads it."""
+    console = Console(highlight=False)
+    console.print(f"run {run['id']} on {run['group']}: {run['state']}", markup=False)
+    if run.get("detail"):
+        console.print(run["detail"], markup=False)
+    for value in run["results"]:
+        if value["backlash_m"] is None:
+            console.print(f"  {value['axis']}: refused, {value['detail'] or value['reason']}", markup=False)
+        else:
+            interval = _interval_text(tuple(value["interval_95_m"]) if value["interval_95_m"] else None)
+            console.print(
+                f"  {value['axis']}: {value['backlash_m'] * 1e6:.2f} µm (95 %: {interval} µm), {value['method']}",
+                markup=False,
+            )
 
 
 def print_json(value: Any) -> None:
@@ -95,7 +324,12 @@ def print_json(value: Any) -> None:
 def print_results(title: str, results: Iterable[AxisResult]) -> None:
     """A table for a person: value and interval in µm, or the reason of the refusal in a sentence."""
     table = Table(title=title, title_justify="left", title_style="bold")
-    for heading, justify in (("axis", "left"), ("backlash µm", "right"), ("95 % µm", "right"), ("steps", "right")):
+    for heading, justify in (
+        ("axis", "left"),
+        ("backlash µm", "right"),
+        ("95 % µm", "right"),
+        ("steps", "right"),
+    ):
         table.add_column(heading, justify="right" if justify == "right" else "left")
     table.add_column("method")
     table.add_column("says", overflow="fold")

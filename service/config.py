@@ -24,6 +24,9 @@ from service.dynamics.trajectory import jerk_limited_step
 HEARTBEAT_PERIOD = 0.1
 """Of the master and of every drive [s]; chosen: a third of the 0.3 s after which a drive stops by itself."""
 
+_NO_LIMIT = 1e6
+"""Acceleration and speed that no axis reaches: the step is limited by its jerk alone."""
+
 NodeId = Annotated[int, Field(ge=1, le=126)]
 CanId = Annotated[int, Field(ge=1, le=0x7FF)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -291,7 +294,7 @@ def _check_excitation(axis: AxisSettings, excitation: ExcitationSettings) -> Non
             f"axis {axis.name}: the step of {excitation.step_length_m * 1e3:g} mm is longer than its travel of "
             f"{travel * 1e3:g} mm; shorten step_length_m or correct travel_min_m and travel_max_m"
         )
-    step = jerk_limited_step(excitation.step_length_m, excitation.jerk_m_s3, float("inf"), float("inf"))
+    step = jerk_limited_step(excitation.step_length_m, excitation.jerk_m_s3, _NO_LIMIT, _NO_LIMIT)
     for what, reached, limit, unit in (
         ("v_max", step.v_max, axis.velocity_limit_m_s, "m/s"),
         ("a_max", step.a_max, axis.acceleration_limit_m_s2, "m/s²"),

@@ -1,0 +1,124 @@
+"""Composition root: builds the whole service from its settings; importing it builds nothing.
+
+    with house(settings) as flankwatch:
+        flankwatch.box.request("X1")
+
+The parts are opened in the order in which they need one another and closed in reverse: store, analysis
+process, motion process, box of runs, scheduler.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import logging
+import shutil
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import partial
+
+from fastapi import FastAPI
+
+from service.api.ports import WebSettings
+from service.api.web import create_web_app
+from service.backlash.figure import step_picture
+from service.captures import CaptureError, read_capture
+from service.config import Settings
+from service.motion.client import MotionClient
+from service.motion.machine import open_machine
+from service.motion.process import MachineOpener
+from service.runs.analysis import AnalysisProcess
+from service.runs.box import Box
+from service.runs.diagnostic_run import Workshop
+from service.runs.scheduler import Scheduler
+from service.store.database import open_database
+from service.store.records import AxisRecord, RunRecord
+from service.store.repository import Repository
+
+log = logging.getLogger(__name__)
+
+ROOM_NEEDED = 200 * 2**20
+"""Free space below which no run is begun [bytes]; chosen: a year of captures of one gantry."""
+
+
+@dataclass(frozen=True)
+class House:
+    """The running service."""
+
+    settings: Settings
+    repository: Repository
+    box: Box
+    workshop: Workshop
+
+    def missing(self) -> Sequence[str]:
+        """What keeps the service from measuring, in sentences; empty when nothing does."""
+        free = shutil.disk_usage(self.settings.storage.directory).free
+        if free < ROOM_NEEDED:
+            return (f"only {free / 2**20:.0f} MiB are free under {self.settings.storage.directory}",)
+        return ()
+
+    def web(self) -> FastAPI:
+        """The REST API and the technician's page."""
+        web = WebSettings(
+            version=importlib.metadata.version("flankwatch"),
+            captures_folder=self.settings.storage.captures,
+            token_sha256=self.settings.api.token_sha256,
+        )
+        picture = partial(draw_step, self.workshop)
+        return create_web_app(self.repository, self.box, web, picture=picture, missing=self.missing)
+
+
+@contextmanager
+def house(settings: Settings, machine: MachineOpener = open_machine) -> Iterator[House]:
+    """Open the whole service; ``machine`` opens what is behind the buses, another one in the demo.
+
+    Raises
+    ------
+    StoreError : the store is damaged, in use, or gone; nothing was started.
+    """
+    settings.storage.captures.mkdir(parents=True, exist_ok=True)
+    database = open_database(settings.storage.database)
+    try:
+        repository = Repository(database)
+        repository.declare_axes(_axis_records(settings))
+        for run_id in repository.fail_interrupted(_now()):
+            log.warning("run %d was interrupted by the end of the service before", run_id)
+        with AnalysisProcess() as analysis, MotionClient(settings, machine) as motion:
+            workshop = Workshop(motion, analysis, repository, settings.storage.captures, _now)
+            with Box(settings, workshop, motion.abort) as box, Scheduler(settings, workshop, box):
+                yield House(settings, repository, box, workshop)
+    finally:
+        database.close()
+
+
+def draw_step(workshop: Workshop, run: RunRecord, axis: str, step: int) -> str | None:
+    """Picture of one step of a stored run as SVG; None where its capture or the step is not there."""
+    if run.capture is None:
+        return None
+    results = [value.outcome.result for value in workshop.repository.outcomes(run.id)]
+    result = next((r for r in results if r.axis == axis and step < len(r.steps)), None)
+    if result is None:
+        return None
+    try:
+        recording = read_capture(workshop.captures / run.capture.path, run.capture.sha256)
+    except CaptureError:
+        log.exception("run %d: its capture cannot be drawn", run.id)
+        return None
+    return step_picture(recording, axis, step, result)
+
+
+def _axis_records(settings: Settings) -> list[AxisRecord]:
+    return [
+        AxisRecord(
+            name=axis.name,
+            group=settings.group_of(axis.name) or axis.name,
+            reference=None if axis.reference_um is None else axis.reference_um * 1e-6,
+            tolerance=axis.tolerance_um * 1e-6,
+        )
+        for axis in settings.axis
+    ]
+
+
+def _now() -> datetime:
+    return datetime.now(UTC)

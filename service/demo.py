@@ -1,0 +1,167 @@
+"""The simulated machine for people to try and for tests: a gantry and a single axis on virtual CAN buses.
+
+The drives, the sensors and the mechanics are simulated on the other side of the wire; the drivers, the run,
+the store and the API are the product's own. ``TRUTH`` is what the mechanics really have.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from drivers.sim.accelerometer_node import AccelerometerConfig, AccelerometerFaults
+from drivers.sim.drive_config import DriveConfig
+from drivers.sim.machine import SimulatedMachine
+from service.backlash.results import AxisResult
+from service.config import AxisSettings, Settings
+from service.dynamics.parameters import AxisParameters, Friction, GantryParameters, Machine
+from service.dynamics.simulation import Plant
+from service.motion.machine import BusMachine
+from service.store.records import RunRecord
+
+if TYPE_CHECKING:
+    from service.app import House
+
+TRUTH: Mapping[str, float] = {"X1": 62e-6, "X2": 48e-6, "Y": 85e-6}
+"""Backlash of the simulated axes [m]."""
+
+MACHINE = Machine(
+    axes={
+        "X1": AxisParameters(b=TRUTH["X1"], M=330.0, UL=20e-6),
+        "X2": AxisParameters(b=TRUTH["X2"], M=300.0, UL=35e-6, friction_mas=Friction(150.0, 380.0)),
+        "Y": AxisParameters(b=TRUTH["Y"], M=240.0, friction_mas=Friction(90.0, 220.0)),
+    },
+    gantries=(GantryParameters("X1", "X2", k=1.5e7, d=2.0e4),),
+)
+"""A laser cutter: bridge on two racks, cutting head on a third; chosen, plausible, of no real make."""
+
+
+SEED = 1
+"""Of noise, jitter and losses; any other does as well."""
+
+FRAME_LOSS = 0.0005
+"""Share of the accelerometers' frames that are lost on the way."""
+
+
+@contextmanager
+def open_demo(settings: Settings, paced: bool = False) -> Iterator[BusMachine]:
+    """Switch the simulated machine on, beside the drivers that talk to it, in the motion process."""
+    drives = [_drive(axis, settings) for axis in settings.axis]
+    sensors = [_accelerometer(axis, settings) for axis in settings.axis]
+    channels = [bus.channel for bus in settings.bus]
+    with SimulatedMachine(channels, drives, sensors, Plant(MACHINE), seed=SEED, paced=paced):
+        yield BusMachine(settings)
+
+
+@dataclass(frozen=True)
+class ComparedAxis:
+    """An axis' result beside its simulated ``truth`` [m]; ``error`` [m] is None when it was refused."""
+
+    result: AxisResult
+    truth: float
+
+    @property
+    def error(self) -> float | None:
+        """Estimated less true backlash [m]."""
+        return None if self.result.backlash is None else self.result.backlash - self.truth
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What the demo's runs found, axis by axis, and the runs that gave nothing."""
+
+    axes: tuple[ComparedAxis, ...]
+    failed: tuple[RunRecord, ...]
+
+    def as_json(self) -> dict[str, Any]:
+        """One JSON object, SI units."""
+        return {
+            "axes": [_compared_json(axis) for axis in self.axes],
+            "failed": [
+                {"group": run.group, "reason": run.reason, "detail": run.detail} for run in self.failed
+            ],
+        }
+
+
+def compare(house: House, runs: Sequence[RunRecord]) -> Comparison:
+    """Set what the store holds of the runs beside the simulated truth."""
+    found = [value.outcome for run in runs for value in house.repository.outcomes(run.id)]
+    axes = tuple(
+        ComparedAxis(outcome.result, TRUTH[outcome.result.axis]) for outcome in found if outcome.reported
+    )
+    return Comparison(axes, tuple(run for run in runs if run.state == "failed"))
+
+
+def _compared_json(axis: ComparedAxis) -> dict[str, Any]:
+    result = axis.result
+    return {
+        "axis": result.axis,
+        "verdict": result.verdict,
+        "reason": None if result.reason is None else result.reason.value,
+        "backlash_m": result.backlash,
+        "interval_95_m": None if result.interval_95 is None else list(result.interval_95),
+        "method": result.method,
+        "true_backlash_m": axis.truth,
+        "error_m": axis.error,
+        "relative_error": None if axis.error is None else axis.error / axis.truth,
+    }
+
+
+def demo_settings(directory: Path, port: int = 8470) -> Settings:
+    """Configuration of the simulated machine; its data lie under ``directory``, its API on loopback."""
+    axes = [_axis("X1", 1, sync_producer=True), _axis("X2", 2), _axis("Y", 3)]
+    return Settings.model_validate(
+        {
+            "machine": {"name": "simulated laser cutter", "timezone": "UTC"},
+            "storage": {"directory": directory},
+            "api": {"port": port},
+            "bus": [
+                {"name": "drives", "interface": "virtual", "channel": "flankwatch-drives"},
+                {"name": "sensors", "interface": "virtual", "channel": "flankwatch-sensors"},
+            ],
+            "axis": axes,
+            "gantry": [{"name": "X", "axes": ["X1", "X2"]}],
+            "schedule": {"nightly": False},
+        }
+    )
+
+
+def _axis(name: str, node_id: int, sync_producer: bool = False) -> dict[str, object]:
+    parameters = MACHINE.axes[name]
+    return {
+        "name": name,
+        "bus": "drives",
+        "node_id": node_id,
+        "sync_producer": sync_producer,
+        "pinion_diameter_m": parameters.D_p,
+        "gear_ratio": parameters.i,
+        "travel_min_m": -0.5,
+        "travel_max_m": 0.5,
+        "velocity_limit_m_s": 1.5,
+        "acceleration_limit_m_s2": 10.0,
+        "reference_um": round(TRUTH[name] * 1e6),
+        "tolerance_um": 20.0,
+        "accelerometer": {"bus": "sensors", "data_id": 0x300 + node_id, "time_id": 0x310 + node_id},
+    }
+
+
+def _drive(axis: AxisSettings, settings: Settings) -> DriveConfig:
+    return DriveConfig(axis=axis.name, node_id=axis.node_id, bus=_channel(settings, axis.bus))
+
+
+def _accelerometer(axis: AxisSettings, settings: Settings) -> AccelerometerConfig:
+    sensor = axis.accelerometer
+    return AccelerometerConfig(
+        axis=axis.name,
+        bus=_channel(settings, sensor.bus),
+        data_id=sensor.data_id,
+        time_id=sensor.time_id,
+        faults=AccelerometerFaults(loss=FRAME_LOSS),
+    )
+
+
+def _channel(settings: Settings, bus: str) -> str:
+    return next(entry.channel for entry in settings.bus if entry.name == bus)

@@ -1,0 +1,71 @@
+"""A client of the running service, for the command line: start a check and wait for its end."""
+
+from __future__ import annotations
+
+import json
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Callable
+from typing import Any
+
+POLL = 0.2
+"""Between two looks at the run [s]."""
+
+Noted = Callable[[int, int, str], None]
+"""Called with (steps done, steps in all, what is being done)."""
+
+
+class RemoteError(RuntimeError):
+    """The service refused, or cannot be reached; the message says why and what to do."""
+
+
+class Service:
+    """The REST API at ``url``; ``token`` where the service wants one."""
+
+    def __init__(self, url: str, token: str | None = None) -> None:
+        if not url.startswith(("http://", "https://")):
+            raise RemoteError(f"{url!r} is no address of a service; use http://host:port")
+        self._url = url.rstrip("/")
+        self._token = token
+
+    def check(self, target: str, noted: Noted) -> dict[str, Any]:
+        """Start a check of an axis or group, wait for its end, and return the run. Raises RemoteError."""
+        axes = {axis["name"] for axis in self._call("GET", "/api/v1/axes")["items"]}
+        accepted = self._call("POST", "/api/v1/checks", {"axis" if target in axes else "group": target})
+        path = f"/api/v1/runs/{accepted['run_id']}"
+        while (run := self._call("GET", path))["state"] in ("queued", "running"):
+            progress = self._call("GET", "/api/v1/status").get("progress")
+            if progress:
+                noted(progress["done"], progress["total"], progress["phase"])
+            time.sleep(POLL)
+        return run
+
+    def _call(self, method: str, path: str, body: Any = None) -> dict[str, Any]:
+        headers = {"Accept": "application/json"}
+        if self._token:
+            headers["Authorization"] = f"Bearer {self._token}"
+        data = None
+        if body is not None:
+            data = json.dumps(body).encode()
+            headers["Content-Type"] = "application/json"
+        request = urllib.request.Request(self._url + path, data=data, headers=headers, method=method)
+        try:
+            with urllib.request.urlopen(request, timeout=10) as reply:
+                return dict(json.load(reply))
+        except urllib.error.HTTPError as error:
+            raise RemoteError(_problem(error)) from error
+        except OSError as error:
+            raise RemoteError(
+                f"no service answers at {self._url} ({error}): is it running? systemctl status flankwatch, or "
+                "give its address with --url"
+            ) from error
+
+
+def _problem(error: urllib.error.HTTPError) -> str:
+    """What a problem+json answer says."""
+    try:
+        problem = json.load(error)
+        return f"{problem['title']}: {problem['detail']}"
+    except (ValueError, KeyError, TypeError):
+        return f"the service answered {error.code} {error.reason}"
