@@ -13,10 +13,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from drivers.sim.accelerometer_node import AccelerometerConfig, AccelerometerFaults
-from drivers.sim.drive_config import DriveConfig
+from drivers.sim.drive_config import DriveConfig, DriveFaults
 from drivers.sim.machine import SimulatedMachine
 from service.backlash.results import AxisResult
 from service.config import AxisSettings, Settings
+from service.dynamics.assembly import Effects
 from service.dynamics.parameters import AxisParameters, Friction, GantryParameters, Machine
 from service.dynamics.simulation import Plant
 from service.motion.machine import BusMachine
@@ -47,12 +48,35 @@ FRAME_LOSS = 0.0005
 
 
 @contextmanager
-def open_demo(settings: Settings, paced: bool = False) -> Iterator[BusMachine]:
-    """Switch the simulated machine on, beside the drivers that talk to it, in the motion process."""
-    drives = [_drive(axis, settings) for axis in settings.axis]
-    sensors = [_accelerometer(axis, settings) for axis in settings.axis]
+def open_demo(
+    settings: Settings,
+    *,
+    paced: bool = False,
+    seed: int = SEED,
+    machine: Machine = MACHINE,
+    effects: Effects | None = None,
+    drive_faults: Mapping[str, DriveFaults] | None = None,
+    sensor_faults: Mapping[str, AccelerometerFaults] | None = None,
+) -> Iterator[BusMachine]:
+    """Switch the simulated machine on, beside the drivers that talk to it, in the motion process.
+
+    Parameters
+    ----------
+    paced : machine time passes as wall time, for a person who watches
+    effects : by axis, what the mechanics have and the paper's model lacks
+    drive_faults, sensor_faults : by axis, what is wrong with a drive or an accelerometer
+    """
+    ordinary = AccelerometerFaults(loss=FRAME_LOSS)
+    drives = [
+        _drive(axis, settings, (drive_faults or {}).get(axis.name, DriveFaults())) for axis in settings.axis
+    ]
+    sensors = [
+        _accelerometer(axis, settings, (sensor_faults or {}).get(axis.name, ordinary))
+        for axis in settings.axis
+    ]
     channels = [bus.channel for bus in settings.bus]
-    with SimulatedMachine(channels, drives, sensors, Plant(MACHINE), seed=SEED, paced=paced):
+    plant = Plant(machine, effects)
+    with SimulatedMachine(channels, drives, sensors, plant, seed=seed, paced=paced):
         yield BusMachine(settings)
 
 
@@ -148,18 +172,20 @@ def _axis(name: str, node_id: int, sync_producer: bool = False) -> dict[str, obj
     }
 
 
-def _drive(axis: AxisSettings, settings: Settings) -> DriveConfig:
-    return DriveConfig(axis=axis.name, node_id=axis.node_id, bus=_channel(settings, axis.bus))
+def _drive(axis: AxisSettings, settings: Settings, faults: DriveFaults) -> DriveConfig:
+    return DriveConfig(axis=axis.name, node_id=axis.node_id, bus=_channel(settings, axis.bus), faults=faults)
 
 
-def _accelerometer(axis: AxisSettings, settings: Settings) -> AccelerometerConfig:
+def _accelerometer(
+    axis: AxisSettings, settings: Settings, faults: AccelerometerFaults
+) -> AccelerometerConfig:
     sensor = axis.accelerometer
     return AccelerometerConfig(
         axis=axis.name,
         bus=_channel(settings, sensor.bus),
         data_id=sensor.data_id,
         time_id=sensor.time_id,
-        faults=AccelerometerFaults(loss=FRAME_LOSS),
+        faults=faults,
     )
 
 
