@@ -249,7 +249,8 @@ def decode(frames: Frames, config: AccelerometerConfig, decoder: Decoder) -> Acc
     except StreamError as error:
         raise type(error)(f"{config.name} (frame 0x{config.data_id:X}): {error.what}") from error
     status = decoder.status(_time_payload(frames, config))
-    counts = decoder.counts(data.payload)
+    fresh = np.diff(index, prepend=index[0] - 1) > 0
+    index, counts = index[fresh], decoder.counts(data.payload[fresh])
     invalid, clipped = decoder.invalid(counts), decoder.clipped(counts)
     sample = index[:, None] + np.arange(decoder.samples_per_frame)
     kept = ~(invalid | clipped)
