@@ -173,7 +173,8 @@ def _backlash_values() -> None:
         sa.Column("trend_slope_high_m_per_s", sa.Float(), nullable=True),
         sa.Column("trend_count", sa.Integer(), nullable=True),
         sa.CheckConstraint(
-            "(verdict = 'ok' AND backlash_m BETWEEN 0 AND 0.1 AND reason IS NULL) OR (verdict = 'refused' "
+            "(verdict = 'ok' AND backlash_m IS NOT NULL AND backlash_m BETWEEN 0 AND 0.1 AND reason IS "
+            "NULL) OR (verdict = 'refused' "
             "AND reason IS NOT NULL AND backlash_m IS NULL AND interval_low_m IS NULL AND interval_high_m "
             "IS NULL AND trend_m IS NULL)",
             name=op.f("ck_backlash_values_verdict"),

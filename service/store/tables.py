@@ -151,7 +151,8 @@ backlash_values = Table(
     Column("trend_slope_high_m_per_s", Float),
     Column("trend_count", Integer),
     CheckConstraint(
-        "(verdict = 'ok' AND backlash_m BETWEEN 0 AND 0.1 AND reason IS NULL) OR (verdict = 'refused' AND "
+        "(verdict = 'ok' AND backlash_m IS NOT NULL AND backlash_m BETWEEN 0 AND 0.1 AND reason IS NULL) OR "
+        "(verdict = 'refused' AND "
         "reason IS NOT NULL"
         " AND backlash_m IS NULL AND interval_low_m IS NULL AND interval_high_m IS NULL AND trend_m IS NULL)",
         name="verdict",

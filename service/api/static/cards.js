@@ -10,6 +10,7 @@ const STATES = {
   returned_unacknowledged: ["Alarm is over", "warn"],
 };
 const KINDS = { backlash_high: "Backlash too large", backlash_low: "Backlash too small", run_missing: "No measurement" };
+const NO_REFERENCE = "no reference is set, so that no alarm can be raised";
 const HISTORY = 90;
 
 const histories = new Map();
@@ -50,11 +51,13 @@ function value(axis) {
 
 function trend(axis) {
   const now = axis.current?.trend;
-  if (!now) return null;
+  if (!now) return axis.reference_m === null ? el("p", { class: "soft" }, NO_REFERENCE) : null;
   const parts = [`Trend ${um(now.level_m)} µm`];
   if (now.slope_m_per_day !== null) parts.push(slope(now));
   if (axis.reference_m !== null && axis.tolerance_m !== null) {
     parts.push(`to stay within ${um(axis.reference_m)} ± ${um(axis.tolerance_m)} µm`);
+  } else {
+    parts.push(NO_REFERENCE);
   }
   return el("p", { class: "soft" }, parts.join(", "));
 }

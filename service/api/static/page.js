@@ -113,5 +113,14 @@ async function loop() {
   setTimeout(loop, state.status?.progress ? BUSY_MS : IDLE_MS);
 }
 
+// A link such as /#run-17 opens that run, once it is in the list.
+function openLinkedRun() {
+  const body = location.hash.startsWith("#run-") ? $(location.hash.slice(1)) : null;
+  if (body?.hidden) body.previousElementSibling.click();
+  body?.parentElement.scrollIntoView();
+}
+
 $("more-runs").addEventListener("click", showOlderRuns);
-loop();
+window.addEventListener("hashchange", openLinkedRun);
+await loop();
+openLinkedRun();

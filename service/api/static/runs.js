@@ -44,12 +44,11 @@ function resultParts(run, result) {
   const text = result.backlash_m === null
     ? `no value. ${result.reason_in_words}`
     : `${um(result.backlash_m)} µm ${interval(result.backlash_m, result.interval_95_m)}`;
-  const beside = result.reported ? "" : " (beside)";
-  const parts = [el("h3", {}, `Axis ${result.axis}: ${text}`),
-    el("p", { class: "soft" }, `method ${result.method}${beside}`)];
+  if (!result.reported) return [el("p", { class: "soft" }, `Beside it, by method ${result.method}: ${text}`)];
+  const parts = [el("h3", {}, `Axis ${result.axis}: ${text}`), el("p", { class: "soft" }, `method ${result.method}`)];
   if (result.detail) parts.push(el("p", { class: "soft" }, result.detail));
   if (result.steps.length === 0) return parts;
-  if (run.capture_sha256 && result.reported) parts.push(pictures(run, result));
+  if (run.capture_sha256) parts.push(pictures(run, result));
   parts.push(el("div", { class: "scroll" }, stepTable(result)));
   return parts;
 }
