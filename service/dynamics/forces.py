@@ -8,8 +8,8 @@ Two of the paper's formulas are not taken as printed.
   the force are positive.
 - Eq. (5) also jumps by d_p·Δẋ_b at the moment of impact. That is kept: it is some 260 N at 13 mm/s with
   d_p = 2e4 N s/m, and the spring overtakes it after d_p/k_p = 0.1 ms, less than a sample. A damping that
-  grows with the depth would cure it, at the price of a law that is no longer linear and of a parameter that no
-  data sheet gives.
+  grows with the depth would cure it, at the price of a law that is no longer linear and of a parameter that
+  no data sheet gives.
 
 The paper does not say what F_fric is. Here it is Coulomb's law with real sticking (a set-valued force at
 standstill, neither smoothed nor creeping) plus a viscous part.

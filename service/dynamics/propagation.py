@@ -52,21 +52,26 @@ class Propagator:
         self._key = Key((0,) * len(mechanism.contacts), (0,) * len(mechanism.slidings))
         self.mode = self._mode(self._key)
 
+    def place(self, q: FloatArray, v: FloatArray) -> None:
+        """Put the bodies at q [m] with speeds v [m/s], both (n,)."""
+        self.w[self.layout.q], self.w[self.layout.v] = q, v
+        slidings = tuple(int(np.sign(s.row @ v)) for s in self.mechanism.slidings)
+        self._key = Key((0,) * len(self.mechanism.contacts), slidings)
+        self.mode = self._mode(self._key)
+        self._change_mode(self.time)
+
     def take_over(self, other: Propagator) -> None:
         """Go on where ``other`` is now, at standstill; bodies that it lacks are put where their springs rest.
 
         The state of contacts and slidings is found anew.
         """
         m, theirs = self.mechanism, other.mechanism
-        q = np.array(
-            [other.w[theirs.index(b)] if known else 0.0 for b, known in zip(m.bodies, old, strict=True)]
-        )
-        new = ~np.array(old)
+        new = np.array([name not in theirs.bodies for name in m.bodies])
+        q = np.array([0.0 if n else other.w[theirs.index(b)] for b, n in zip(m.bodies, new, strict=True)])
         q[new] = np.linalg.solve(m.K[np.ix_(new, new)], (m.F0 - m.K @ q)[new])
-        self.w[self.layout.q] = q
         self.w[self.layout.T] = other.w[other.layout.T]
         self.sub_steps, self.changes = other.sub_steps, other.changes
-        self._change_mode(self.time)
+        self.place(q, np.zeros(len(q)))
 
     @property
     def time(self) -> float:
@@ -89,7 +94,7 @@ class Propagator:
         self.sub_steps += 1
 
     def _holds(self, w: FloatArray) -> bool:
-        return min(self.mode.gauge.dot(w).tolist()) >= _TOLERANCE or not self._broken(w)
+        return min(self.mode.gauge.dot(w).tolist(), default=0.0) >= _TOLERANCE or not self._broken(w)
 
     def _broken(self, w: FloatArray) -> list[Condition]:
         """Conditions of the mode that w breaks."""

@@ -114,8 +114,10 @@ def gap_crossings(changes: Sequence[ContactChange]) -> tuple[GapCrossing, ...]:
     for change in changes:
         if change.after == 0:
             t1, before = change.time, change.before
-        elif before and change.after == -before:
+            continue
+        if change.after == -before:
             found.append(GapCrossing(t1, change.time, before))
+        before = 0
     return tuple(found)
 
 
