@@ -1,0 +1,249 @@
+"""The diagnostic steps on a real bus: connect, verify, enable, step, record, disable.
+
+The buses are opened for a run and closed after it: between runs Flankwatch sends nothing, and a bus that was
+down at night is tried afresh the next one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+
+from drivers.accelerometer import Accelerometer, AccelerometerConfig
+from drivers.bus import Bus, BusConfig
+from drivers.drive import Drive, DriveConfig, DriveMove, start_together
+from drivers.trace import Frames, Recorder
+from drivers.trace import Trace as BusTrace
+from service.config import HEARTBEAT_PERIOD, AxisSettings, BusSettings, Settings
+from service.motion.messages import Progress, Recorded
+from service.motion.plan import Plan, PlannedStep, plan_steps
+from service.recording import AxisDescription, Move, Recording, Trace
+
+PROFILE_MARGIN = 1.5
+"""The drive's limits of a step over what the step reaches: a step that meets them is not the planned one."""
+
+
+@contextmanager
+def open_machine(settings: Settings) -> Iterator[BusMachine]:
+    """The machine of the configuration; nothing is opened before a run."""
+    yield BusMachine(settings)
+
+
+@dataclass(frozen=True)
+class _Station:
+    """One axis of the group, connected."""
+
+    settings: AxisSettings
+    drive: Drive
+    accelerometer: Accelerometer
+
+
+class BusMachine:
+    """Executes diagnostic runs on the buses of a configuration."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+
+    def execute(
+        self, group: str, guard: Callable[[], None], on_progress: Callable[[Progress], None]
+    ) -> Recorded:
+        """Make the steps of one group; ``guard`` is called while waiting and raises to stop the run.
+
+        Raises
+        ------
+        DriverError : drive, sensor or bus failed; whatever was enabled is disabled again.
+        NotPermitted : the axes have no room for the steps.
+        """
+        axes = [self._settings.axis_named(name) for name in self._settings.groups[group]]
+        with ExitStack() as stack:
+            buses = self._open_buses(stack, axes)
+            stations = self._connect(stack, buses, axes)
+            plan = plan_steps(axes, self._settings.excitation, _positions(stations))
+            recorders = {name: stack.enter_context(bus.recording()) for name, bus in buses.items()}
+            moves = _make_steps(stations, plan, guard, on_progress)
+            _await_recorders(buses, recorders, moves[-1].end)
+            frames = {name: recorder.frames() for name, recorder in recorders.items()}
+            return self._decode(stations, plan, moves, frames)
+
+    def _open_buses(self, stack: ExitStack, axes: Sequence[AxisSettings]) -> dict[str, Bus]:
+        needed = {name for axis in axes for name in (axis.bus, axis.accelerometer.bus)}
+        return {
+            bus.name: stack.enter_context(Bus(_bus_config(bus)))
+            for bus in self._settings.bus
+            if bus.name in needed
+        }
+
+    def _connect(
+        self, stack: ExitStack, buses: Mapping[str, Bus], axes: Sequence[AxisSettings]
+    ) -> list[_Station]:
+        """Connect the group's drives, and the drive that produces SYNC on their bus, which need not move."""
+        drives: dict[str, Drive] = {}
+
+        def stop_all(_: Drive) -> None:
+            for drive in drives.values():
+                drive.command_quick_stop()
+
+        producers = [axis for axis in self._settings.axis if axis.bus == axes[0].bus and axis.sync_producer]
+        for axis in [*axes, *(axis for axis in producers if axis not in axes)]:
+            config = _drive_config(axis, self._bus_settings(axis.bus))
+            drives[axis.name] = stack.enter_context(Drive(buses[axis.bus], config, stop_all))
+        stations = []
+        for axis in axes:
+            sensor = Accelerometer(buses[axis.accelerometer.bus], _accelerometer_config(axis))
+            stack.callback(sensor.close)
+            sensor.wait_alive()
+            stations.append(_Station(axis, drives[axis.name], sensor))
+        return stations
+
+    def _bus_settings(self, name: str) -> BusSettings:
+        return next(bus for bus in self._settings.bus if bus.name == name)
+
+    def _decode(
+        self, stations: Sequence[_Station], plan: Plan, moves: Sequence[Move], frames: Mapping[str, Frames]
+    ) -> Recorded:
+        """Place the samples by their counters and cut them by the moves' times."""
+        start, end = moves[0].start - plan.rest, moves[-1].end + plan.rest
+        traces: dict[tuple[str, str], Trace] = {}
+        warnings: list[str] = []
+        for station in stations:
+            axis = station.settings
+            motor = station.drive.traces(frames[axis.bus])
+            load = station.accelerometer.record(frames[axis.accelerometer.bus])
+            warnings += load.warnings
+            for channel, trace in (
+                ("motor_speed", motor.speed),
+                ("motor_torque", motor.torque),
+                ("acceleration", load.acceleration),
+            ):
+                traces[axis.name, channel] = _cut(trace, start, end)
+        recording = Recording(
+            machine=self._settings.machine.name,
+            axes=tuple(self._describe(station.settings) for station in stations),
+            traces=traces,
+            moves=tuple(
+                Move(move.start - start, move.direction, move.length, move.jerk, move.duration)
+                for move in moves
+            ),
+            gantry=((plan.axes[0], plan.axes[1]),) if len(plan.axes) == 2 else (),
+            note="; ".join(warnings) or None,
+        )
+        return Recorded(recording, tuple(warnings))
+
+    def _describe(self, axis: AxisSettings) -> AxisDescription:
+        drive_rate = 1e6 / self._bus_settings(axis.bus).sync_period_us
+        return AxisDescription(
+            name=axis.name,
+            transmission=axis.transmission,
+            pinion_diameter=axis.pinion_diameter_m,
+            gear_ratio=axis.gear_ratio,
+            rates={
+                "motor_speed": drive_rate,
+                "motor_torque": drive_rate,
+                "acceleration": axis.accelerometer.nominal_rate_hz,
+            },
+        )
+
+
+def _positions(stations: Sequence[_Station]) -> dict[str, float]:
+    """Where the axes stand [m]."""
+    return {s.settings.name: s.drive.position() * s.settings.transmission for s in stations}
+
+
+def _make_steps(
+    stations: Sequence[_Station],
+    plan: Plan,
+    guard: Callable[[], None],
+    on_progress: Callable[[Progress], None],
+) -> list[Move]:
+    """Enable, make every step, rest after the last, disable; the moves with their start on bus time [s]."""
+    bus = stations[0].drive.bus
+    total = len(plan.steps)
+    moves = []
+    with ExitStack() as enabled:
+        for station in stations:
+            enabled.enter_context(station.drive.enabled())
+        standing_since = bus.time
+        for index, step in enumerate(plan.steps):
+            on_progress(Progress(index, total, f"step {index + 1} of {total}"))
+            _rest(bus, standing_since + plan.rest, guard)
+            started = start_together([(s.drive, _drive_move(s.settings, plan, step)) for s in stations])
+            standing_since = max([station.drive.wait_standstill() for station in stations])
+            for station in stations:
+                station.accelerometer.check()
+            moves.append(Move(started, step.direction, step.length, plan.jerk, plan.duration))
+        on_progress(Progress(total, total, "the axis rests"))
+        _rest(bus, standing_since + plan.rest, guard)
+    return moves
+
+
+def _rest(bus: Bus, until: float, guard: Callable[[], None]) -> None:
+    """Let the axis stand until the bus time ``until`` [s]."""
+
+    def over() -> bool:
+        guard()
+        return bus.time >= until
+
+    bus.wait_until(over, 10 * max(0.0, until - bus.time) + 1.0)
+
+
+def _await_recorders(buses: Mapping[str, Bus], recorders: Mapping[str, Recorder], end: float) -> None:
+    """Wait until every recorder is past the last move; the cut is by the move's time, not by now."""
+    for name, bus in buses.items():
+        bus.wait_until(lambda recorder=recorders[name]: recorder.latest > end, 2.0)  # type: ignore[misc]
+
+
+def _cut(trace: BusTrace, start: float, end: float) -> Trace:
+    inside = trace.between(start, end)
+    return Trace(inside.time - start, inside.value)
+
+
+def _bus_config(bus: BusSettings) -> BusConfig:
+    return BusConfig(
+        interface=bus.interface,
+        channel=bus.channel,
+        bitrate=bus.bitrate,
+        machine_time=bus.interface == "virtual",
+        heartbeat_period=HEARTBEAT_PERIOD,
+    )
+
+
+def _drive_config(axis: AxisSettings, bus: BusSettings) -> DriveConfig:
+    low, high = sorted(limit / axis.transmission for limit in (axis.travel_min_m, axis.travel_max_m))
+    return DriveConfig(
+        name=axis.name,
+        node_id=axis.node_id,
+        direction=-1 if axis.invert else 1,
+        counts_per_rev=axis.counts_per_rev,
+        speed_lsb_rad_s=axis.speed_lsb_rad_s,
+        acceleration_lsb_rad_s2=axis.acceleration_lsb_rad_s2,
+        jerk_lsb_rad_s3=axis.jerk_lsb_rad_s3,
+        software_limits=(low, high),
+        quick_stop_deceleration=axis.acceleration_limit_m_s2 / axis.transmission,
+        heartbeat_period=HEARTBEAT_PERIOD,
+        sync_producer=axis.sync_producer,
+        sync_period=bus.sync_period_us * 1e-6,
+    )
+
+
+def _accelerometer_config(axis: AxisSettings) -> AccelerometerConfig:
+    sensor = axis.accelerometer
+    return AccelerometerConfig(
+        name=f"{axis.name}'s accelerometer",
+        data_id=sensor.data_id,
+        time_id=sensor.time_id,
+        nominal_rate=sensor.nominal_rate_hz,
+        direction=sensor.sign,
+        dbc=sensor.dbc,
+    )
+
+
+def _drive_move(axis: AxisSettings, plan: Plan, step: PlannedStep) -> DriveMove:
+    ratio = axis.transmission
+    return DriveMove(
+        target=step.direction * step.length / ratio,
+        speed=min(PROFILE_MARGIN * plan.v_max, axis.velocity_limit_m_s) / ratio,
+        acceleration=min(PROFILE_MARGIN * plan.a_max, axis.acceleration_limit_m_s2) / ratio,
+        jerk=plan.jerk / ratio,
+        duration=plan.duration,
+    )
