@@ -6,6 +6,7 @@ while no SYNC is produced. The drive is pre-operational meanwhile.
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass
 from math import pi
 from pathlib import Path
@@ -177,11 +178,11 @@ def set_jerk_limited_position_mode(objects: Objects) -> None:
     """Profile position with the jerk-limited profile; JerkProfileRefused where the drive lacks it."""
     objects.confirm(0x6060, 0, _PROFILE_POSITION)
     objects.confirm(0x6086, 0, _JERK_LIMITED, JerkProfileRefused)
-    try:
+    # Drives with one jerk value have 0x60A4 without 0x60A3; whether the jerk can be written decides.
+    with contextlib.suppress(ObjectRefused):
         objects.confirm(0x60A3, 0, 1)
-    except ObjectRefused:
-        # Drives with one fixed jerk value have 0x60A4 without 0x60A3; the jerk itself decides.
-        objects.read(0x60A4, 1, JerkProfileRefused)
+    present = objects.read(0x60A4, 1, JerkProfileRefused)
+    objects.confirm(0x60A4, 1, present or 1, JerkProfileRefused)
 
 
 def read_rated_torque(objects: Objects) -> float:

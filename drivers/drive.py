@@ -61,6 +61,14 @@ class Drive:
     def connect(self) -> Drive:
         """Identify the drive, write and verify protections, SYNC, mapping and profile, set it operational."""
         self.disconnect()
+        try:
+            self._commission()
+        except BaseException:
+            self.disconnect()
+            raise
+        return self
+
+    def _commission(self) -> None:
         link = self._link = DriveLink(self.bus, self.config, self._emergency)
         objects = self._objects = Objects(self.bus, self.config.node_id, self.config.name, self.config.eds)
         commissioning.identify(objects, self.config)
@@ -75,7 +83,6 @@ class Drive:
         link.await_nmt(drivelink.OPERATIONAL)
         if cia402.state_of(objects.read(0x6041)) is State.FAULT:
             raise self._fault()
-        return self
 
     def disconnect(self) -> None:
         """Leave the drive pre-operational and its SYNC silent; safe to call twice."""
@@ -91,11 +98,7 @@ class Drive:
         objects.close()
 
     def __enter__(self) -> Drive:
-        try:
-            return self.connect()
-        except BaseException:
-            self.disconnect()
-            raise
+        return self.connect()
 
     def __exit__(self, *_: object) -> None:
         self.disconnect()
@@ -207,8 +210,13 @@ class Drive:
     def confirm_started(self) -> float:
         """Wait for the acknowledgement, complete the handshake; bus time of the acknowledgement [s]."""
         link, move = self._linked(), self._prepared()
+
+        def acknowledged() -> bool:
+            self._check_moving()
+            return link.acknowledged is not None
+
         for _ in range(_ATTEMPTS):
-            if self.bus.wait_until(lambda: link.acknowledged is not None, _ANSWER):
+            if self.bus.wait_until(acknowledged, _ANSWER):
                 break
             self._set_point(move, new=True)
         if link.acknowledged is None:
