@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from drivers.sim.physics import Physics, Setpoint
 from service.dynamics.effects.carriage import ConstantForce
 from service.dynamics.effects.effect import Measured
 from service.dynamics.parameters import AxisParameters, Friction, GantryParameters, Machine
@@ -176,6 +177,28 @@ def test_a_weight_is_held_by_the_drive_and_falls_when_it_is_disabled() -> None:
     assert held.motor_torque[-1] == pytest.approx(2000.0 * p.transmission, abs=0.6)
     (falling,) = plant.advance(0.1, [Asked(still[:800], still[:800], still[:800], enabled=False)])
     assert falling.load_speed[-1] < -0.05
+
+
+def test_the_plant_is_what_the_simulated_machine_asks_for() -> None:
+    """Every axis of a gantry and a single one in one machine, one of them disabled, under the drivers' set-points."""
+    machine = Machine({**gantry().axes, "Y": AxisParameters()}, gantry().gantries)
+    physics: Physics = Plant(machine)
+    zero, one = np.zeros(8), np.full(8, 0.1)
+    asked_for = [
+        Setpoint(True, zero, zero, zero),
+        Setpoint(True, one, zero, zero),
+        Setpoint(False, one, zero, zero),
+    ]
+    blocks = physics.advance(1e-3, asked_for)
+    assert list(physics.axes) == ["X1", "X2", "Y"]
+    assert physics.dt == pytest.approx(1e-3 / 8)
+    for block in blocks:
+        for channel in ("motor_position", "motor_speed", "motor_torque", "load_acceleration"):
+            values = getattr(block, channel)
+            assert values.shape == (8,)
+            assert values.dtype == np.float64
+    assert blocks[1].motor_torque[-1] > 0.5
+    assert np.all(blocks[2].motor_torque == 0.0)
 
 
 def test_wrong_blocks_and_unknown_axes_are_refused() -> None:
