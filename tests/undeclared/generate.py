@@ -1,0 +1,268 @@
+"""Write campaigns of captures.
+
+`python -m tests.undeclared.generate --kind KIND --count N --seed S --out DIR [--pairs]`, where KIND is `single`,
+`gantry`, `impure`, `impure_gantry`, `none`, `messy`, an effect (or several, joined by +) or `fault-NAME`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.random import Generator
+
+from tests.undeclared import capture, draw, sensors
+from tests.undeclared.draw import Machine
+from tests.undeclared.effects import CLEAN, GANTRY_COUPLING, elsewhere, impure, named
+from tests.undeclared.faults import FAULTS, Channels, weak_moves
+from tests.undeclared.machine import TICK, Array, Steps, Traces, simulate
+
+LANES = 120
+"""Lanes simulated at once: more gain little speed and cost 12 MB each."""
+SMALLEST, LARGEST = 12e-6, 175e-6
+"""Range of the gaps [m]."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One recording to be made: its lanes (planted and pure), its sensors (and what is planted there), its moves."""
+
+    name: str
+    part: str
+    machines: list[Machine]
+    pure: list[Machine]
+    sensor: Machine
+    planted: Machine
+    steps: Steps
+    declared: bool
+    seed: int
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """What is asked for on the command line."""
+
+    kind: str
+    count: int
+    seed: int
+    pairs: bool = False
+
+    @property
+    def effect(self) -> str:
+        """Effect to plant, `none` for the campaigns of the estimator."""
+        return "none" if self.kind in ("single", "gantry") or self.kind.startswith("fault-") else self.kind
+
+    @property
+    def fault(self) -> str:
+        """Name of the fault, or the empty string."""
+        return self.kind.removeprefix("fault-") if self.kind.startswith("fault-") else ""
+
+    @property
+    def two_axes(self) -> bool:
+        """Whether the machine is a gantry."""
+        return self.kind in ("gantry", "impure_gantry", GANTRY_COUPLING, "fault-swapped")
+
+
+def gaps(index: int, count: int, rng: Generator) -> float:
+    """Draw a gap from its share of the logarithmic range, so that a campaign covers all of it."""
+    return float(SMALLEST * (LARGEST / SMALLEST) ** ((index + rng.uniform()) / count))
+
+
+def cases(c: Campaign, index: int) -> list[Case]:
+    """Return the recordings of one machine: one, or train and validate."""
+    rng = np.random.default_rng([c.seed, index, zlib.crc32(c.kind.encode())])
+    machines = _machines(c, index, rng)
+    planted, of_sensor = _plant(c, rng, machines[0])
+    good = c.pairs and c.kind != "gantry"
+    sensor = sensors.draw(rng, good)
+    names = ("train", "validate") if c.pairs else ("",)
+    steps = draw.move_pair(rng) if c.pairs else (draw.moves(rng),)
+    made = []
+    for k, (part, moves) in enumerate(zip(names, steps, strict=True)):
+        pure = machines if k == 0 else [elsewhere(rng, m) for m in machines]
+        change = planted if k == 0 else elsewhere(rng, planted)
+        change = {n: v for n, v in change.items() if n != "flank"}
+        moved = weak_moves(c.fault, machines[0], moves)
+        seed = int(rng.integers(2**31))
+        declared = len(machines) == 2 and c.kind != GANTRY_COUPLING
+        name = f"{c.kind}-{index:03d}"
+        full = [m | change for m in pure]
+        made.append(Case(name, part, full, list(pure), sensor, of_sensor, moved, declared, seed))
+    return made
+
+
+def _machines(c: Campaign, index: int, rng: Generator) -> list[Machine]:
+    if c.two_axes:
+        other = float(np.exp(rng.uniform(np.log(SMALLEST), np.log(LARGEST))))
+        pair = (gaps(index, c.count, rng), other)
+        low = 3e-5 if c.kind == GANTRY_COUPLING else 0.0
+        made = draw.gantry(rng, (max(pair[0], low), max(pair[1], low)))
+        swap = rng.uniform() < 0.5
+        return (
+            [made[0] | {"backlash": made[1]["backlash"]}, made[1] | {"backlash": made[0]["backlash"]}]
+            if swap
+            else made
+        )
+    gap = gaps(index, c.count, rng)
+    made_one = draw.axis(rng, max(gap, 3e-5) if c.pairs else gap)
+    if c.fault in ("too_slow", "too_short"):
+        made_one |= {"fc": max(made_one["fc"], 0.5 * made_one["m_load"]), "backlash": max(gap, 4e-5)}
+    return [made_one]
+
+
+def _plant(c: Campaign, rng: Generator, machine: Machine) -> tuple[Machine, Machine]:
+    if c.kind == "impure_gantry":
+        return impure(rng, machine)
+    if c.effect == GANTRY_COUPLING:
+        return {}, {}
+    return named(c.effect)(rng, machine)
+
+
+def batches(all_cases: Sequence[Case]) -> list[list[Case]]:
+    """Cut the cases into batches of at most LANES lanes."""
+    cut: list[list[Case]] = [[]]
+    for case in all_cases:
+        if sum(len(k.machines) for k in cut[-1]) + len(case.machines) > LANES:
+            cut.append([])
+        cut[-1].append(case)
+    return cut
+
+
+def channels(case: Case, traces: Traces, first: int, sensor: Machine) -> Channels:
+    """Record the lanes of a case; the same seed gives the same noise whatever was planted."""
+    made: Channels = {}
+    for k, m in enumerate(case.machines):
+        rng = np.random.default_rng([case.seed, k])
+        made[f"X{k + 1}"] = sensors.record(rng, traces, first + k, case.steps.end, m, sensor)
+    return made
+
+
+def in_moves(times: Array, steps: Steps) -> Array:
+    """Return which times (n,) lie in a move or the 50 ms after it."""
+    since = (times - steps.rest) % (steps.period + steps.rest)
+    return (times > steps.rest) & (since < steps.period + 0.05)
+
+
+def deviation(case: Case, planted: Channels, pure: Channels) -> float:
+    """Return what the effect changes in the acceleration [m/s²] (RMS over axes, during the moves), before any refit."""
+    squares = []
+    for axis in planted:
+        (t, with_it), (t2, without) = planted[axis]["acceleration"], pure[axis]["acceleration"]
+        if t.size == t2.size:
+            squares.append(np.mean((with_it - without)[in_moves(t, case.steps)] ** 2))
+    return float(np.sqrt(np.mean(squares))) if squares else 0.0
+
+
+def simulate_batch(batch: Sequence[Case], pure: bool = False) -> list[tuple[Case, Traces, int]]:
+    """Simulate a batch; return each case with the traces and its first lane."""
+    lanes = [m for case in batch for m in (case.pure if pure else case.machines)]
+    moves = [case.steps for case in batch for _ in case.machines]
+    traces = simulate(lanes, moves)
+    firsts = np.cumsum([0, *(len(case.machines) for case in batch)])
+    return [(case, traces, int(first)) for case, first in zip(batch, firsts[:-1], strict=True)]
+
+
+def crossed(traces: Traces, lane: int, m: Machine, steps: Steps) -> list[float]:
+    """Return the width of the gap [m] where each pass took place: it differs from `backlash` on a worn rack."""
+    if not m.get("gap_wave"):
+        return [m["backlash"]] * steps.count
+    widths = []
+    for start in steps.starts:
+        ticks = slice(int((start + 0.45 * steps.period) / TICK), int((start + 0.75 * steps.period) / TICK))
+        x = traces.load_position[ticks, lane]
+        wave = m["backlash"] + m["gap_wave"] * np.sin(2 * np.pi * x / m["wave_gap"] + m["phase_gap"])
+        offset = np.abs(traces.flank[ticks, lane] - m["backlash"] * (0.5 - m["flank"]))
+        inside = offset < wave / 2
+        widths.append(float(np.mean(wave[inside])) if np.any(inside) else float(m["backlash"]))
+    return widths
+
+
+def truth(c: Campaign, case: Case, widths: dict[str, list[float]]) -> dict[str, Any]:
+    """Return the truth of a recording; `axis`, `machine` and `sensors` hold every parameter of the first axis."""
+    first = case.machines[0]
+    changed = {k: v for k, v in first.items() if case.pure[0].get(k) != v}
+    clean = c.effect in CLEAN or c.kind == "impure_gantry"
+    return {
+        "effect": "none" if clean else c.effect,
+        "effects": [] if clean else c.effect.split("+"),
+        "fault": c.fault or None,
+        "seed": c.seed,
+        "messy": c.kind in ("messy", "impure", "impure_gantry"),
+        "backlash_m": {axis: float(np.mean(w)) for axis, w in widths.items()},
+        "steps_backlash_m": widths,
+        "axis": first,
+        "planted": changed | case.planted,
+        "machine": {k: v for k, v in first.items() if k.endswith(("_base", "_hung", "_c"))},
+        "sensors": case.sensor | case.planted,
+    }
+
+
+def write_case(
+    c: Campaign, out: Path, case: Case, traces: Traces, first: int, made: Channels
+) -> dict[str, Any]:
+    """Write one recording and return its truth."""
+    rng = np.random.default_rng([case.seed, 99])
+    if c.fault:
+        made = FAULTS[c.fault](rng, made)
+    sensor = case.sensor | case.planted
+    about = capture.metadata(list(made), case.machines[0]["transmission"], sensor, case.steps, case.declared)
+    shuffled = rng if rng.uniform() < 0.25 else None
+    stem = f"{case.name}-{case.part}" if case.part else case.name
+    capture.write(out / f"{stem}.parquet", made, about, shuffled)
+    widths = {f"X{k + 1}": crossed(traces, first + k, m, case.steps) for k, m in enumerate(case.machines)}
+    return truth(c, case, widths)
+
+
+def merge(first: dict[str, Any], second: dict[str, Any]) -> dict[str, Any]:
+    """Return the truth of a pair: the gap is the mean of both recordings, each keeps its own beside it."""
+    mean = {a: (first["backlash_m"][a] + second["backlash_m"][a]) / 2 for a in first["backlash_m"]}
+    parts = {part: t["backlash_m"] for part, t in (("train", first), ("validate", second))}
+    return first | {"backlash_m": mean, "backlash_by_recording_m": parts}
+
+
+def generate(c: Campaign, out: Path) -> int:
+    """Write the campaign into `out`; return how many recordings there are."""
+    out.mkdir(parents=True, exist_ok=True)
+    every = [case for index in range(c.count) for case in cases(c, index)]
+    truths: dict[str, dict[str, Any]] = {}
+    for batch in batches(every):
+        twins = (
+            simulate_batch(batch, pure=True)
+            if c.pairs and c.effect not in ("none", GANTRY_COUPLING)
+            else None
+        )
+        for k, (case, traces, first) in enumerate(simulate_batch(batch)):
+            made = channels(case, traces, first, case.sensor | case.planted)
+            told = write_case(c, out, case, traces, first, made)
+            if twins:
+                without = channels(replace(case, machines=case.pure), twins[k][1], twins[k][2], case.sensor)
+                told["deviation_m_s2"] = deviation(case, made, without)
+            truths[case.name] = merge(truths[case.name], told) if case.name in truths else told
+    for name, told in truths.items():
+        (out / f"{name}-truth.json").write_text(json.dumps(told, indent=1))
+    return len(every)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Parse the command line and write the campaign."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--kind", required=True)
+    parser.add_argument("--count", type=int, default=10)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--pairs", action="store_true")
+    a = parser.parse_args(arguments)
+    written = generate(Campaign(a.kind, a.count, a.seed, a.pairs), a.out)
+    sys.stdout.write(f"{written} recordings of {a.kind} in {a.out}\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
