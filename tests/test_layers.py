@@ -101,11 +101,8 @@ def test_there_is_no_import_circle() -> None:
     known = modules()
     graph = {}
     for module, path in known.items():
-        names = imports(path)
-        graph[module] = {
-            target for target in known for name in names
-            if target != module and (name == target or name.rpartition(".")[0] == target)
-        }  # fmt: skip
+        named = {name if name in known else name.rpartition(".")[0] for name in imports(path)}
+        graph[module] = (named & set(known)) - {module}
     done: set[str] = set()
 
     def visit(module: str, trail: tuple[str, ...]) -> None:
