@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 _WORDS = {
     "no_moves": "The recording holds no diagnostic step.",
     "channel_missing": "A signal is missing. Check that the drive and the accelerometer are both recorded.",
@@ -18,6 +20,7 @@ _WORDS = {
     "configuration.",
     "signals_disagree": "Motor and accelerometer do not describe the same motion. Check that the axes are "
     "not swapped.",
+    "sensors_swapped": "The accelerometers of two axes seem to be swapped. Check which is fixed to which carriage.",
     "trajectory_not_followed": "The axis did not follow the step as commanded. Check for obstacles and "
     "drive limits.",
     "excitation": "The step was not as sharp as the method needs. Check jerk and limits in the "
@@ -35,11 +38,32 @@ _WORDS = {
     "judged.",
     "interval_too_wide": "The value would be too uncertain to be of use.",
     "interrupted": "The service was stopped while the run was waiting or moving.",
-}  # fmt: skip
+    "program_fault": "Flankwatch itself failed. Please report it, with the journal of the service.",
+    "BusNotOpened": "The CAN interface could not be opened. Check that it is up.",
+    "BusLost": "The CAN interface went away. Check the adapter and its plug.",
+    "BusOff": "The CAN bus switched itself off. Check cable, termination and bit rate.",
+    "BusSilent": "Nothing was heard on the CAN bus. Check the supply of the drives and the cable.",
+    "BusOverloaded": "The CAN bus carries more than it can.",
+    "NodeSilent": "A drive does not answer. Check its supply and its node number.",
+    "NodeRestarted": "A drive restarted during the run. Check its supply.",
+    "WrongDevice": "Another device than expected answers. Check the node numbers in the configuration.",
+    "ObjectRefused": "A drive refused a setting that the run needs.",
+    "DriveFault": "A drive reported a fault. See its display and its manual.",
+    "StateTransitionTimeout": "A drive could not be switched on. Check emergency stop, brake and supply.",
+    "MoveRefused": "A drive refused to move.",
+    "MoveNotFinished": "A step was not finished in time. Check for obstacles, brake and drive limits.",
+    "SensorSilent": "Nothing came from the accelerometer. Check its plug and its supply.",
+    "SensorTooSlow": "The accelerometer sends too slowly. Check its setting.",
+    "SensorFault": "The accelerometer reported a fault of its own.",
+    "SamplesMissing": "Samples were lost on the way. Check bus load, cabling and termination.",
+    "NotPermitted": "The machine was not in a state in which the axis may move.",
+    "RunStopped": "The run was stopped before its end.",
+}
 
 
 def in_words(reason: str | None) -> str | None:
-    """Say a reason in words; one that has none yet is shown by its name, readable."""
+    """Say a reason in words; one that has none is shown by its name, made readable."""
     if reason is None:
         return None
-    return _WORDS.get(reason, reason.replace("_", " ").capitalize() + ".")
+    readable = re.sub(r"(?<=[a-z])(?=[A-Z])|_", " ", reason).capitalize() + "."
+    return _WORDS.get(reason, readable)

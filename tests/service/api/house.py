@@ -1,0 +1,90 @@
+"""What the tests of the API live in: a store, a box of runs that moves nothing, and nights to fill it with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+from fastapi.testclient import TestClient
+
+from service.backlash.results import AxisResult, Reason, StepResult
+from service.monitoring.alarm import Band, judge
+from service.store.records import (
+    AlarmChange,
+    AxisOutcome,
+    CaptureFile,
+    CheckAnswer,
+    Progress,
+    Queued,
+    RunEnd,
+    RunOrder,
+    RunRecord,
+    Unavailable,
+)
+from service.store.repository import Repository
+
+NOON = datetime(2026, 9, 1, 12, tzinfo=UTC)
+SVG = '<svg xmlns="http://www.w3.org/2000/svg"/>'
+
+
+@dataclass
+class Box:
+    """A box of one run that never moves anything: a test ends its runs."""
+
+    repository: Repository
+    unavailable: str | None = None
+    now: Progress | None = None
+
+    def request(self, target: str, idempotency_key: str | None) -> CheckAnswer:
+        if self.unavailable is not None:
+            return Unavailable(self.unavailable)
+        order = RunOrder("on_demand", target, "gantry", ("X1", "X2"), NOON, idempotency_key=idempotency_key)
+        return self.repository.queue_run(order)
+
+    def progress(self) -> Progress | None:
+        return self.now
+
+
+@dataclass
+class House:
+    """What a test of the API has in its hands."""
+
+    client: TestClient
+    repository: Repository
+    box: Box
+    captures: Path
+    rebuild: Callable[..., TestClient]
+    missing: list[str]
+
+    def get(self, path: str) -> dict[str, Any]:
+        response = self.client.get(path)
+        assert response.status_code == 200, response.text
+        found: dict[str, Any] = response.json()
+        return found
+
+
+def run_night(repository: Repository, day: int, b: float | None) -> int:
+    """Store one nightly run of X1 and X2: X1 with the value b [m] or refused, X2 always refused."""
+    at = NOON + timedelta(days=day)
+    answer = repository.queue_run(RunOrder("nightly", "gantry", "gantry", ("X1", "X2"), at, at.date()))
+    assert isinstance(answer, Queued)
+    history = repository.history("X1").with_value(at.timestamp(), b)
+    judged = judge(history.t, history.b, Band(57e-6, 15e-6), repository.active_alarms("X1"))
+    steps = tuple(StepResult(i, 1 - 2 * (i % 2), "ok", backlash=b, t1=0.1, t2=0.2) for i in range(10) if b)
+    interval = None if b is None else (b - 1e-6, b + 1e-6)
+    first = AxisResult("X1", "ok", "paper", None, None, b, interval, steps)
+    if b is None:
+        first = AxisResult("X1", "refused", "paper", Reason.MISFIT, "something is loose")
+    second = AxisResult("X2", "refused", "paper", Reason.SENSOR_FLAT, "the accelerometer shows no motion")
+    outcomes = [AxisOutcome(first, trend=judged.trend if b else None), AxisOutcome(second)]
+    changes = [AlarmChange("X1", change) for change in judged.changes]
+    capture = CaptureFile(f"night-{day}.parquet", "5" * 64)
+    repository.finish_run(RunEnd(answer.run_id, "ok", at, capture=capture), outcomes, changes)
+    return answer.run_id
+
+
+def picture(run: RunRecord, axis: str, step: int) -> str | None:
+    return SVG if (axis, step) == ("X1", 3) else None
