@@ -197,9 +197,10 @@ class AccelerometerNode:
         value = truth * faults.gain * (1 + config.sensitivity_error) + config.bias_m_s2 + noise
         if faults.blocked:
             value = np.full_like(truth, config.bias_m_s2)
-        clipped = np.abs(value) > config.range_m_s2
+        counts = np.rint(value / ACCEL_LSB_M_S2)
+        clipped = (np.abs(value) > config.range_m_s2) | (np.abs(counts) >= CLIPPED)
         self._over_range |= bool(clipped.any())
-        codes = np.where(clipped, CLIPPED, np.rint(np.where(clipped, 0.0, value) / ACCEL_LSB_M_S2))
+        codes = np.where(clipped, CLIPPED, counts)
         invalid = self._streams[1].random(len(truth)) < faults.invalid
         return np.where(invalid, INVALID, codes).astype(np.int64)
 

@@ -34,6 +34,9 @@ from drivers.sim.core import Command, MachineCore
 BLOCK = 5
 """Ticks that pass between two looks at the inbox; chosen: a drive's reaction time of up to 5 ms."""
 
+REST_BLOCK = 20
+"""The same where no axis moves and all commands are kept for the halt; saves two thirds of the work."""
+
 _SLIP = 0.25
 """A paced machine that is later than this [s] was stopped with its PC: its clock slips instead of racing."""
 
@@ -132,8 +135,9 @@ class LockStep:
         while core.tick < end and not self._stop.is_set():
             self._serve_urgent()
             self._await_listeners()
-            self._await_heartbeat()
-            core.step(min(BLOCK, end - core.tick))
+            ticks = min(BLOCK if core.moving else REST_BLOCK, end - core.tick)
+            self._await_heartbeat(ticks)
+            core.step(ticks)
             if core.moving:
                 end = max(end, core.tick + rest)
 
@@ -157,13 +161,13 @@ class LockStep:
             self._deaf = time.monotonic() > deadline
         self._deaf = False
 
-    def _await_heartbeat(self) -> None:
-        """Stand still before a drive would declare the master lost, until the wall clock agrees that it is.
+    def _await_heartbeat(self, ticks: int) -> None:
+        """Stand still before a drive would declare the master lost in ``ticks``, until the wall clock agrees.
 
         Only the time waited here counts, so that a PC that stalled as a whole does not look like a lost master.
         """
         waited = 0.0
-        while (left := self._core.patience_of_drives()) is not None and 0 < left <= BLOCK:
+        while (left := self._core.patience_of_drives()) is not None and 0 < left <= ticks:
             limit = max(drive.master.limit for drive in self._core.drives) * TICK
             if waited >= limit or self._stop.is_set():
                 return

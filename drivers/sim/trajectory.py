@@ -95,8 +95,8 @@ def _peak_speed(
             peak, _ramp(peak, deceleration, jerk)
         )
 
-    if needed(speed) <= distance:
-        return speed
+    if distance == 0 or needed(speed) <= distance:
+        return speed if distance else 0.0
     low, high = 0.0, speed
     while low < (middle := (low + high) / 2) < high:
         low, high = (middle, high) if needed(middle) <= distance else (low, middle)
