@@ -92,11 +92,11 @@ def poles(m: Machine, contact: bool) -> NDArray[np.complex128]:
 
 
 def damped_enough(m: Machine) -> bool:
-    """Return whether the closed loop dies out, in contact and in the gap: 11 % damping below 400 Hz, 1.5 % above."""
+    """Return whether the closed loop dies out, in contact and in the gap: 13 % damping below 400 Hz, 1.5 % above."""
     every = np.concatenate([poles(m, True), poles(m, False)])
     ringing = every[np.abs(every.imag) > 1.0]
     size = np.abs(ringing)
-    least = np.where(size < 2 * np.pi * 400, 0.11, 0.015)
+    least = np.where(size < 2 * np.pi * 400, 0.13, 0.015)
     return bool(np.all(-ringing.real >= least * size) and np.all(every.real < 1e-6))
 
 
