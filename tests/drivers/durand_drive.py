@@ -61,17 +61,28 @@ class TimerScheduler(AbstractScheduler):  # type: ignore[misc]
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
+        self._stopped = False
 
     def add(
         self, delay: float, callback: Callable[..., None], args: tuple[Any, ...] = (), kwargs: Any = None
     ) -> Any:
-        timer = threading.Timer(delay, callback, args, kwargs)
+        timer = threading.Timer(delay, self._call, (callback, args, kwargs or {}))
         timer.daemon = True
         timer.start()
         return timer
 
+    def _call(self, callback: Callable[..., None], args: tuple[Any, ...], kwargs: dict[str, Any]) -> None:
+        with self._lock:
+            if not self._stopped:
+                callback(*args, **kwargs)
+
     def cancel(self, entry: threading.Timer) -> None:
         entry.cancel()
+
+    def stop(self) -> None:
+        """From here on no timer calls back."""
+        with self._lock:
+            self._stopped = True
 
     @property
     def lock(self) -> threading.Lock:
@@ -102,7 +113,6 @@ class DurandDrive:
     def close(self) -> None:
         self._stop.set()
         self._thread.join()
-        self.od.write(0x1017, 0, 0)
         with can.Bus(interface="virtual", channel=self._channel) as waker:
             wake = can.Message(arbitration_id=0x80, is_extended_id=False)
             # durand's Notifier looks for its end once a second, or at a frame.
@@ -214,10 +224,12 @@ class DurandDrive:
 def durand_drive(channel: str, **options: Any) -> Iterator[DurandDrive]:
     """A drive on the channel; durand's scheduler is restored afterwards."""
     before = get_scheduler()
-    set_scheduler(TimerScheduler())
+    scheduler = TimerScheduler()
+    set_scheduler(scheduler)
     drive = DurandDrive(channel, **options)
     try:
         yield drive
     finally:
+        scheduler.stop()
         drive.close()
         set_scheduler(before)
