@@ -1,29 +1,45 @@
-"""When the flanks part and when they meet: t1 and t2 of eqs. (11) and (12), with what is known of their error.
+"""When the flanks part and when they meet: t1 and t2 of eqs. (11) and (12), and how well they are known.
 
-In the paper's figures the load is ahead of the motor while the gap is passed, so the forward difference
-d = ẍ̄_mot − ẍ_mas falls below zero from t1 on, and jumps above it when the flanks meet: the motor is pushed on,
-the load held back. The inequalities are printed for "all t > t1" and "all t > t2"; they hold until the next
-event, which is what is searched for here: from the highest d backwards.
+While the gap is passed the load runs ahead of the braking motor. The forward difference d = ẍ̄_mot − ẍ_mas
+falls below zero from t1 on, and jumps above it when the flanks meet: the motor is pushed on, the load held
+back. The inequalities are printed "for all t > t1" and "for all t > t2", which can only mean up to the next
+event; here t1 and t2 are followed backwards from the lowest and the highest d around the blow. The blow is the
+first large rise of d: later ones are the rebound, and the corner of the jerk at three quarters of the move, which
+rings the drive.
+
+gamma_t1 is chosen by hand in the paper. Here it is a multiple of what d does at standstill: from then on
+something other than noise drives motor and load apart. d falls about as the jerk, so that t1 is late by about
+gamma_t1/j_lim, some 0.5 ms, and b is low by 3(dt/T)², of second order.
 
 Symbols
 -------
-t0 : the nominal acceleration changes its sign, the middle of the move
-t1, t2 : the flanks part, the flanks meet
-gamma_t1, gamma_t2 : thresholds of d [m/s²]
+d : ẍ̄_mot − ẍ_mas, forward [m/s²]
+t1, t2 : the flanks part, the flanks meet [s]
+gamma_t1, gamma_t2 : thresholds of d [m/s²], gamma_t1 counted downwards
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
+from service.backlash.results import Reason, Refusal
 from service.backlash.signals import StepSignals
 from service.recording import FloatArray
 
+IntArray = NDArray[np.int64]
+
 SEARCH = (0.35, 0.95)
-"""Where in the move the pass is looked for, share of its duration. Before a third the axis still rings from the
-gap at the start of the move (section III); a gap that is met after 0.95 is met by the end of the braking."""
+"""Where in the move the pass is looked for, share of its duration. Chosen: before a third the axis rings from
+the gap at the start of the move; flanks that meet after 0.95 meet because the motor has stopped."""
+
+FIRST_RISE = 0.5
+"""Rise of d from below to above zero, over the largest one, that is taken for the blow. Chosen: ringing after
+an impact can be as high as the blow itself, but no rise before it is half as high."""
 
 GAMMA_T1_NOISE = 4.0
 """gamma_t1 over the noise of d at standstill: passed by chance once in 16,000 samples."""
@@ -31,29 +47,37 @@ GAMMA_T1_NOISE = 4.0
 GAMMA_T2_SHARE = 0.5
 """gamma_t2 over the largest d: eq. (12)."""
 
-NOISE_SHARE = 0.3
-"""gamma_t1 may be at most this share of the lowest d. Chosen: more, and the release is found so late that the
-load's speed at t1 differs from the motor's by a tenth of their difference at t2 (0.3² of it)."""
+LOUDEST = 0.3
+"""gamma_t1 over the lowest d, at most. Chosen: b is then low by 3·0.3², a quarter; more is no detection."""
+
+SHALLOWEST = 0.1
+"""Lowest d over what the jerk alone would make of it, j_lim·(t2 − t1), at least. Chosen: friction of the guide
+and the pull of a gantry's partner leave a quarter, flanks that stay in touch hardly anything."""
+
+WEAKEST = 0.4
+"""Highest d over the lowest, at least. Chosen: an impact gives about one and more; a load that was left to its
+friction until the motor stood gives friction over a_max."""
+
+FEWEST_PERIODS = 2.0
+"""Sampling periods of the slower channel in a pass, at least: section III asks for much more than one."""
 
 
 @dataclass(frozen=True)
 class Pass:
-    """One pass of the gap [s on the recording's clock].
+    """One pass of the gap, times [s] on the recording's clock.
 
     Attributes
     ----------
     t1, t2 : by the thresholds
-    t1_range, t2_range : no earlier, no later than this: t1 between the change of sign of d and half of its
-        way down, t2 between its change of sign (the relative speed is greatest) and its peak
-    lowest, highest : d before and after the impact [m/s²]
+    t1_range : d changes its sign, d is half way down: the flanks part no earlier and, if a partner's pull and
+        not the release began the fall, hardly later
+    t2_range : d changes its sign (the relative speed is largest), d is highest: the flanks meet in between
     """
 
     t1: float
     t2: float
     t1_range: tuple[float, float]
     t2_range: tuple[float, float]
-    lowest: float
-    highest: float
 
 
 def standstill_noise(signals: StepSignals) -> float:
@@ -62,50 +86,101 @@ def standstill_noise(signals: StepSignals) -> float:
     return 1.4826 * float(np.median(np.abs(d - np.median(d))))
 
 
-def find_pass(signals: StepSignals, gamma_t1: float) -> Pass | None:
-    """The pass of the gap in one step, None when d shows no descent and jump.
+def run_noise(steps: Sequence[StepSignals]) -> float:
+    """Standard deviation of d at standstill [m/s²] of the whole run: the median over its steps."""
+    return float(np.median([standstill_noise(signals) for signals in steps])) if steps else 0.0
 
-    Parameters
-    ----------
-    gamma_t1 : > 0, how far d must fall [m/s²]; the paper's eq. (11) carries the sign in the threshold
+
+def find_pass(signals: StepSignals, noise: float) -> Pass | Refusal:
+    """The pass of the gap in one step, or why there is none to be seen; noise of d at standstill [m/s²]."""
+    d = signals.difference
+    bottom, top = _blow(d, np.flatnonzero(signals.within(*SEARCH)))
+    gamma_t1 = GAMMA_T1_NOISE * noise
+    refusal = _events(d[bottom], d[top], gamma_t1)
+    if refusal:
+        return refusal
+    found = _pass(signals.time, d, bottom, top, gamma_t1)
+    return _shape(signals, found, float(d[bottom])) or found
+
+
+def _blow(d: FloatArray, inside: IntArray) -> tuple[int, int]:
+    """Samples of the lowest d before, and of the highest d after the first large rise through zero.
+
+    Without a rise both are the lowest: that step shows no blow.
     """
-    time, d, move = signals.time, signals.difference, signals.move
-    inside = np.flatnonzero(
-        (time > move.start + SEARCH[0] * move.duration) & (time < move.start + SEARCH[1] * move.duration)
-    )
-    if len(inside) < 5:
-        return None
-    top = int(inside[np.argmax(d[inside])])
-    earlier = inside[inside < top]
-    if len(earlier) < 3:
-        return None
-    bottom = int(earlier[np.argmin(d[earlier])])
-    if not d[bottom] < -gamma_t1 < 0 < d[top]:
-        return None
+    runs = np.split(inside, np.flatnonzero(np.diff(d[inside] > 0.0)) + 1)
+    rises = [
+        (int(below[np.argmin(d[below])]), int(above[np.argmax(d[above])]))
+        for below, above in pairwise(runs)
+        if d[above[0]] > 0.0
+    ]
+    if not rises:
+        lowest = int(inside[np.argmin(d[inside])])
+        return lowest, lowest
+    largest = max(d[top] - d[bottom] for bottom, top in rises)
+    return next(rise for rise in rises if d[rise[1]] - d[rise[0]] >= FIRST_RISE * largest)
+
+
+def _pass(time: FloatArray, d: FloatArray, bottom: int, top: int, gamma_t1: float) -> Pass:
+    def falls(level: float) -> float:
+        return _crossing(time, d, np.flatnonzero(d[:bottom] >= level), level)
+
+    def rises(level: float) -> float:
+        return _crossing(time, d, np.flatnonzero(d[:top] <= level), level)
+
     return Pass(
-        t1=_falls_through(time, d, bottom, -gamma_t1),
-        t2=_rises_through(time, d, top, GAMMA_T2_SHARE * d[top]),
-        t1_range=(_falls_through(time, d, bottom, 0.0), _falls_through(time, d, bottom, 0.5 * d[bottom])),
-        t2_range=(_rises_through(time, d, top, 0.0), float(time[top])),
-        lowest=float(d[bottom]),
-        highest=float(d[top]),
+        t1=falls(-gamma_t1),
+        t2=rises(GAMMA_T2_SHARE * d[top]),
+        t1_range=(falls(0.0), falls(0.5 * d[bottom])),
+        t2_range=(rises(0.0), float(time[top])),
     )
 
 
-def _falls_through(time: FloatArray, d: FloatArray, bottom: int, level: float) -> float:
-    """Last time before sample `bottom` at which d falls through `level`, between samples by a straight line."""
-    above = np.flatnonzero(d[:bottom] >= level)
-    k = int(above[-1]) if len(above) else 0
-    return _crossing(time, d, k, level)
+def _crossing(time: FloatArray, d: FloatArray, before: IntArray, level: float) -> float:
+    """Time at which d crosses `level` after the last of the samples `before`, by a straight line."""
+    k = int(before[-1]) if len(before) else 0
+    share = (level - d[k]) / (d[k + 1] - d[k]) if d[k + 1] != d[k] else 0.0
+    return float(time[k] + min(max(share, 0.0), 1.0) * (time[k + 1] - time[k]))
 
 
-def _rises_through(time: FloatArray, d: FloatArray, top: int, level: float) -> float:
-    """Last time before sample `top` at which d rises through `level`, between samples by a straight line."""
-    below = np.flatnonzero(d[:top] <= level)
-    k = int(below[-1]) if len(below) else 0
-    return _crossing(time, d, k, level)
+def _events(lowest: float, highest: float, gamma_t1: float) -> Refusal | None:
+    """Refuse a step whose d does not fall clearly and jump clearly."""
+    seen = f"The difference of motor and load acceleration falls to {lowest:.2f} m/s²"
+    if lowest > -gamma_t1:
+        return Refusal(
+            Reason.NO_RELEASE,
+            f"{seen}, within the noise at standstill ({gamma_t1:.2f}): the flanks did not part; the axis is "
+            "clamped, preloaded or free of play, or the sensor sits on the motor's side: check brake and mounting.",
+        )
+    if gamma_t1 > LOUDEST * -lowest:
+        return Refusal(
+            Reason.NO_RELEASE,
+            f"{seen}, but moves by {gamma_t1:.2f} at standstill already: the release cannot be told from a machine "
+            "that swings, or from a loose sensor; lengthen the pause between the steps, check the sensor's screws.",
+        )
+    if highest < WEAKEST * -lowest:
+        return Refusal(
+            Reason.NO_RECONTACT,
+            f"{seen} and rises to {highest:.2f} only: the flanks parted and did not meet again with a blow; the "
+            "step is too short or too gentle for this gap: choose a longer step or a larger jerk.",
+        )
+    return None
 
 
-def _crossing(time: FloatArray, d: FloatArray, k: int, level: float) -> float:
-    share = (level - d[k]) / (d[k + 1] - d[k])
-    return float(time[k] + np.clip(share, 0.0, 1.0) * (time[k + 1] - time[k]))
+def _shape(signals: StepSignals, found: Pass, lowest: float) -> Refusal | None:
+    """Refuse a fall and jump that the pass of a gap does not look like."""
+    lasting = found.t2 - found.t1
+    period = max(signals.speed.period, signals.acceleration.period)
+    if lasting < FEWEST_PERIODS * period:
+        return Refusal(
+            Reason.GAP_TOO_SHORT,
+            f"The pass lasts {lasting * 1e3:.1f} ms, a sample {period * 1e3:.1f} ms: the gap is too small for this "
+            "sampling, or the flanks did not part; sample faster, or step with a smaller jerk.",
+        )
+    if -lowest < SHALLOWEST * signals.move.jerk * lasting:
+        return Refusal(
+            Reason.GAP_NOT_CROSSED,
+            f"Motor and load drift apart by {-lowest:.2f} m/s² in {lasting * 1e3:.1f} ms, far less than the braking "
+            "motor alone would: the flanks stay in touch, or the load is dragged along; check brake and guides.",
+        )
+    return None

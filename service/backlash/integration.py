@@ -18,7 +18,9 @@ def parted(signals: StepSignals, t1: float, t2: float) -> float:
     the bracket is negative (LL in the paper's words), and b is what the load has gained on the motor. The paper's
     double integral leaves out the load's speed at t1; it is the motor's, because the flanks touched until then.
 
-    The band-limited signals are read between their samples by cubic splines.
+    Parameters
+    ----------
+    signals : low-passed (`for_integration`); between their samples cubic splines are read
     """
     t = np.linspace(t1, t2, POINTS)
     period = float(t[1] - t[0])

@@ -1,56 +1,174 @@
-"""The method of the paper as it stands, the readable reference: section III, eqs. (10) to (12), ten steps averaged.
+"""The paper's method as it stands, the readable reference: section III, eqs. (10) to (12), ten steps averaged.
 
-M. Zenn, Keck, Beck, Herold, Melz: Automated backlash determination on rack-and-pinion drives, AIM 2023.
+Zenn, Keck, Beck, Herold, Melz: Automated backlash determination on rack-and-pinion drives, AIM 2023.
 
-Symbols: t1, t2 the flanks part and meet; gamma_t1, gamma_t2 the thresholds; b the backlash; SL, j_lim of the step.
+    signals      motor and load acceleration, forward, at the output; low-passed for the integration
+    plausibility whether they can be what was commanded
+    skew         what the accelerometer's clock is late
+    detection    t1 by gamma_t1, t2 by gamma_t2 = 0.5·max
+    integration  b by eq. (10)
+    averaging    ten steps, 95 % interval
+
+The thresholds are several percent low on a single axis and worse on a gantry, where the partner's pull drives
+motor and load apart before the flanks part. The interval says so: it reaches from the earliest to the latest
+that t1 and t2 can be.
+
+Symbols: t1, t2 the flanks part and meet; b the backlash; SL, j_lim length and jerk of the step.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+import numpy as np
+
 from service.backlash import plausibility
-from service.backlash.averaging import FEWEST_STEPS, StepValue, average
-from service.backlash.detection import GAMMA_T1_NOISE, find_pass, standstill_noise
+from service.backlash.averaging import FEWEST_STEPS, StepValue, average, outlier, too_few, unsure
+from service.backlash.detection import SEARCH, Pass, find_pass, run_noise
 from service.backlash.integration import parted
-from service.backlash.plausibility import Refusal
-from service.backlash.results import AxisResult, Reason, StepResult
-from service.backlash.signals import step_signals
+from service.backlash.pairing import paired
+from service.backlash.results import AxisResult, Reason, Refusal, StepResult
+from service.backlash.signals import StepSignals, axis_signals, for_integration, step_signals
+from service.backlash.skew import SMALLEST, SMALLEST_GANTRY, Contact, contact
 from service.recording import Recording
 
 METHOD = "paper"
 
+KEPT_CLEAR = 0.005
+"""No sample may be lost so close to the pass [s]: a lost one bends the filters' output around it. Chosen: the
+half width of both filters at 500 Hz."""
+
+GANTRY_ACCURACY = 0.2
+"""Accuracy that section V reports of the method on a gantry, relative; no interval of one is narrower."""
+
+LATEST_SKEW = 5e-3
+"""Skew between the streams beyond which they are not two views of one step [s]. Chosen: half a pass."""
+
 
 def paper(recording: Recording, axis: str) -> AxisResult:
-    """Backlash of one axis [m] by the paper's thresholds, or a named refusal."""
+    """Backlash of one axis [m] by the paper's thresholds with its 95 % interval, or a named refusal."""
     refusal = plausibility.recorded(recording, axis)
     if refusal:
-        return AxisResult(axis, "refused", METHOD, refusal.reason, refusal.detail)
-    steps, values = [], []
-    for index, move in enumerate(recording.moves):
-        found = _step(recording, axis, index)
-        if isinstance(found, Refusal):
-            steps.append(StepResult(index, move.direction, "refused", found.reason, found.detail))
-        else:
-            value, t1, t2 = found
-            values.append(value)
-            steps.append(StepResult(index, move.direction, "ok", backlash=value.b, t1=t1, t2=t2))
-    if len(values) < FEWEST_STEPS:
-        return AxisResult(axis, "refused", METHOD, Reason.TOO_FEW_STEPS, "too few", steps=tuple(steps))
-    mean = average(values)
-    return AxisResult(axis, "ok", METHOD, None, None, mean.b, mean.interval_95, tuple(steps))
+        return _refused(axis, refusal)
+    whole = [signals for signals in _signals(recording, axis, 0.0) if signals]
+    refusal = (plausibility.moved(whole) if whole else None) or paired(recording, axis)
+    if refusal:
+        return _refused(axis, refusal)
+    gantry = recording.partner(axis) is not None
+    touch = _contact(whole, SMALLEST_GANTRY if gantry else SMALLEST)
+    if abs(touch.tau) > LATEST_SKEW:
+        return _refused(axis, _far_off(touch.tau))
+    steps = _signals(recording, axis, touch.tau)
+    noise = run_noise([signals for signals in steps if signals])
+    found = [_step(signals, noise, touch.c, gantry) if signals else _incomplete() for signals in steps]
+    return _judged(recording, axis, found, touch.tau)
 
 
-def _step(recording: Recording, axis: str, index: int) -> tuple[StepValue, float, float] | Refusal:
-    signals = step_signals(recording, axis, index)
+def _signals(recording: Recording, axis: str, skew: float) -> list[StepSignals | None]:
+    signals = axis_signals(recording, axis)
     if signals is None:
-        return Refusal(Reason.STEP_INCOMPLETE, "The samples do not reach over the whole move.")
-    gamma_t1 = GAMMA_T1_NOISE * standstill_noise(signals)
-    found = find_pass(signals, gamma_t1)
-    if found is None:
-        return Refusal(Reason.NO_RELEASE, "No release and impact could be told apart.")
-    late = found.t1_range[1] if recording.partner(axis) else found.t1
-    value = StepValue(
-        b=parted(signals, found.t1, found.t2),
-        lower=parted(signals, late, found.t2_range[0]),
-        upper=parted(signals, found.t1_range[0], found.t2_range[1]),
+        return [None for _ in recording.moves]
+    return [step_signals(signals, index, move, skew) for index, move in enumerate(recording.moves)]
+
+
+def _contact(steps: Sequence[StepSignals], smallest: float) -> Contact:
+    """Skew and softness of the whole run, from the steps that show a pass."""
+    noise = run_noise(steps)
+    passes = [(signals, find_pass(signals, noise)) for signals in steps]
+    return contact([(signals, found) for signals, found in passes if isinstance(found, Pass)], smallest)
+
+
+def _step(signals: StepSignals, noise: float, c: float, gantry: bool) -> tuple[StepValue, Pass] | Refusal:
+    """b of one step by eq. (10) with its bounds, and its pass; or why not."""
+    found = find_pass(signals, noise)
+    lost = _lost(signals, found)
+    if lost:
+        return lost
+    if isinstance(found, Refusal):
+        return found
+    return _bounded(for_integration(signals), found, c, gantry), found
+
+
+def _bounded(signals: StepSignals, found: Pass, c: float, gantry: bool) -> StepValue:
+    """b by eq. (10), and the bounds that three independent unknowns leave it, each at either end of its range.
+
+    t2 between its change of sign and its peak; t1 from the change of sign on, for a gantry up to half the way
+    down, where the partner's pull may have begun the fall; the speed c·j_lim by which the load can be ahead of
+    the motor at t1 already.
+    """
+    b = parted(signals, found.t1, found.t2)
+    late = b - parted(signals, found.t1_range[1], found.t2) if gantry else 0.0
+    early = parted(signals, found.t1_range[0], found.t2) - b
+    first = b - parted(signals, found.t1, found.t2_range[0])
+    last = parted(signals, found.t1, found.t2_range[1]) - b
+    unwinding = c * signals.move.jerk * (found.t2 - found.t1)
+    return StepValue(b, b - float(np.hypot(late, first)), b + float(np.linalg.norm((early, last, unwinding))))
+
+
+def _lost(signals: StepSignals, found: Pass | Refusal) -> Refusal | None:
+    """Refuse a step with samples lost in the pass, or wherever it may be when none was found."""
+    move = signals.move
+    start, end = (move.start + share * move.duration for share in SEARCH)
+    if isinstance(found, Pass):
+        start, end = found.t1 - KEPT_CLEAR, found.t2 + KEPT_CLEAR
+    lost = signals.speed.lost_between(start, end) + signals.acceleration.lost_between(start, end)
+    if not lost:
+        return None
+    return Refusal(
+        Reason.FRAME_LOSS,
+        f"{lost} samples are lost around the pass ({start:.4f} to {end:.4f} s); a frame was lost on the bus: "
+        "check bus load, termination and shield if it happens often.",
     )
-    return value, found.t1, found.t2
+
+
+def _incomplete() -> Refusal:
+    return Refusal(
+        Reason.STEP_INCOMPLETE,
+        "The samples do not reach over the whole move; the recording was cut short or begins too late: record "
+        "0.1 s before the first and after the last move.",
+    )
+
+
+def _far_off(tau: float) -> Refusal:
+    return Refusal(
+        Reason.SIGNALS_DISAGREE,
+        f"The accelerometer lags the drive by {tau * 1e3:.1f} ms; its samples were placed by arrival, or a filter "
+        "delays them: place them by their counter, check the sensor's filter setting.",
+    )
+
+
+def _judged(
+    recording: Recording, axis: str, found: Sequence[tuple[StepValue, Pass] | Refusal], tau: float
+) -> AxisResult:
+    """The axis' result from its steps: averaged, and refused where they are too few or disagree."""
+    sound = [item for item in found if not isinstance(item, Refusal)]
+    mean = average([value for value, _ in sound]) if sound else None
+    kept = iter(mean.kept if mean else ())
+    steps = tuple(
+        _step_result(i, move.direction, item if isinstance(item, Refusal) or next(kept) else outlier(item[0]))
+        for i, (move, item) in enumerate(zip(recording.moves, found, strict=True))
+    )
+    refusal = too_few(steps) if mean is None or sum(mean.kept) < FEWEST_STEPS else unsure(mean)
+    if mean is None or refusal:
+        return _refused(axis, refusal or too_few(steps), steps)
+    interval = mean.interval_95
+    if recording.partner(axis) is not None:
+        width = GANTRY_ACCURACY * mean.b
+        interval = (min(interval[0], mean.b - width), max(interval[1], mean.b + width))
+    note = (
+        f"The accelerometer's stamps are {tau * 1e3:.2f} ms late against the drive's; corrected."
+        if tau
+        else None
+    )
+    return AxisResult(axis, "ok", METHOD, None, note, mean.b, (max(interval[0], 0.0), interval[1]), steps)
+
+
+def _step_result(index: int, direction: int, item: tuple[StepValue, Pass] | Refusal) -> StepResult:
+    if isinstance(item, Refusal):
+        return StepResult(index, direction, "refused", item.reason, item.detail)
+    value, found = item
+    return StepResult(index, direction, "ok", backlash=value.b, t1=found.t1, t2=found.t2)
+
+
+def _refused(axis: str, refusal: Refusal, steps: tuple[StepResult, ...] = ()) -> AxisResult:
+    return AxisResult(axis, "refused", METHOD, refusal.reason, refusal.detail, steps=steps)

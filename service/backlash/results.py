@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Literal
+from typing import Literal, NamedTuple
 
 Verdict = Literal["ok", "refused"]
 
@@ -26,6 +26,7 @@ class Reason(StrEnum):
     SENSOR_CLIPPED = "sensor_clipped"
     WRONG_SIGN = "wrong_sign"
     SIGNALS_DISAGREE = "signals_disagree"
+    SENSORS_SWAPPED = "sensors_swapped"
     TRAJECTORY_NOT_FOLLOWED = "trajectory_not_followed"
     EXCITATION = "excitation"
     NO_RELEASE = "no_release"
@@ -37,6 +38,13 @@ class Reason(StrEnum):
     MISFIT = "misfit"
     GANTRY_PARTNER_MISSING = "gantry_partner_missing"
     INTERVAL_TOO_WIDE = "interval_too_wide"
+
+
+class Refusal(NamedTuple):
+    """Why there is no value; ``detail`` says what was seen, the likely physical cause and what to do."""
+
+    reason: Reason
+    detail: str
 
 
 @dataclass(frozen=True)
