@@ -57,9 +57,12 @@ class ProblemError(HTTPException):
 
 
 def responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
-    """Describe the problems of a route for OpenAPI; those that every route can have are included."""
+    """Describe the problems of a route for OpenAPI; those that every route can have are included.
+
+    A body can be no JSON (400), of unknown length (411) or too large (413), on any route that is sent one.
+    """
     schema = {"schema": {"$ref": "#/components/schemas/Problem"}}
-    every = sorted({401, 403, 413, 422, 500, *statuses})
+    every = sorted({400, 401, 403, 411, 413, 422, 500, *statuses})
     return {code: {"description": HTTPStatus(code).phrase, "content": {MEDIA_TYPE: schema}} for code in every}
 
 
@@ -100,7 +103,10 @@ async def respond_http(request: Request, error: Exception) -> JSONResponse:
 async def _invalid(request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, RequestValidationError)
     fields = [
-        InvalidField(location=".".join(str(part) for part in item["loc"]), message=item["msg"])
+        InvalidField(
+            location=".".join(str(part) for part in item["loc"]),
+            message=item["msg"].removeprefix("Value error, "),
+        )
         for item in error.errors()
     ]
     detail = "; ".join(f"{field.location}: {field.message}" for field in fields)

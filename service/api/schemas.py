@@ -210,10 +210,11 @@ class Alarms(Schema):
 class CheckRequest(Schema):
     """What to check: exactly one of the two."""
 
+    model_config = ConfigDict(extra="forbid", json_schema_extra={"minProperties": 1, "maxProperties": 1})
     axis: str | None = Field(
-        default=None, max_length=64, description="An axis' name; its gantry moves with it."
+        default=None, min_length=1, max_length=64, description="An axis' name; its gantry moves with it."
     )
-    group: str | None = Field(default=None, max_length=64, description="A group's name.")
+    group: str | None = Field(default=None, min_length=1, max_length=64, description="A group's name.")
 
     @model_validator(mode="after")
     def _exactly_one(self) -> CheckRequest:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 from html.parser import HTMLParser
+from pathlib import Path
 
 import pytest
 
@@ -161,6 +162,15 @@ def test_metrics_are_prometheus_text(nights: House) -> None:
     assert 'flankwatch_alarm{axis="Y",group="Y",kind="run_missing",is="active"} 0.0' in lines
     assert 'flankwatch_runs_total{state="ok"} 21.0' in lines
     assert not any('flankwatch_backlash_metres{axis="X2"' in line for line in lines)
+
+
+@pytest.mark.parametrize("file", ["prometheus/flankwatch.rules.yml", "grafana/flankwatch.json"])
+def test_rules_and_dashboard_ask_for_metrics_that_exist(nights: House, file: str) -> None:
+    text = (Path(__file__).parents[3] / "deploy" / file).read_text(encoding="utf-8")
+    asked = set(re.findall(r"flankwatch_[a-z_]+", text))
+    given = set(re.findall(r"^# TYPE (\S+)", nights.client.get("/metrics").text, re.MULTILINE))
+    assert asked <= given
+    assert len(asked) >= 4
 
 
 def test_labels_are_escaped() -> None:
