@@ -151,9 +151,14 @@ def set_sync(objects: Objects, config: DriveConfig) -> None:
         objects.confirm(0x1005, 0, SYNC_ID | _PRODUCES_SYNC, MappingRefused)
 
 
-def stop_sync(objects: Objects) -> None:
-    """Let a drive produce no more SYNC."""
+def release(objects: Objects) -> None:
+    """Leave the drive to its usual master: no SYNC, no watch over ours, the profile's objects as they were.
+
+    A drive that went on watching our heartbeat would stand in a fault the next morning.
+    """
     objects.confirm(0x1005, 0, SYNC_ID)
+    objects.confirm(0x1016, 1, 0)
+    objects.restore()
 
 
 def map_process_data(objects: Objects, config: DriveConfig) -> None:

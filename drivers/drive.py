@@ -85,7 +85,7 @@ class Drive:
             raise self._fault()
 
     def disconnect(self) -> None:
-        """Leave the drive pre-operational and its SYNC silent; safe to call twice."""
+        """Leave the drive pre-operational, silent and as it was found; safe to call twice."""
         link, objects = self._link, self._objects
         self._link = self._objects = None
         if link is not None:
@@ -94,7 +94,7 @@ class Drive:
             return
         with contextlib.suppress(DriverError):
             link.command_nmt(drivelink.NMT_PRE_OPERATIONAL)
-            commissioning.stop_sync(objects)
+            commissioning.release(objects)
         objects.close()
 
     def __enter__(self) -> Drive:

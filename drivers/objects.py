@@ -6,6 +6,7 @@ the receive loop; the lock here keeps callers apart.
 
 from __future__ import annotations
 
+import contextlib
 import importlib.resources
 import threading
 from collections.abc import Callable
@@ -19,6 +20,9 @@ from drivers.errors import NodeSilent, ObjectRefused
 
 SDO_TIMEOUT = 1.0
 """Longest wait for one answer [s]. Chosen: a drive answers in some ms, a busy PC in some tens."""
+
+_PROFILE = 0x6000
+"""From here on the objects of the device profile; those below are reset by the next master's NMT commands."""
 
 Result = TypeVar("Result")
 
@@ -41,6 +45,7 @@ class Objects:
         self._node = canopen.RemoteNode(node_id, load_dictionary(node_id, eds))
         self._node.sdo.RESPONSE_TIMEOUT = SDO_TIMEOUT
         self._lock = threading.Lock()
+        self._before: dict[tuple[int, int], int] = {}
         bus.network.add_node(self._node)
 
     def close(self) -> None:
@@ -67,11 +72,23 @@ class Objects:
         self._transfer(transfer, f"writing {value} to 0x{index:04X}:{sub:02X}", refused)
 
     def confirm(self, index: int, sub: int, value: int, refused: type[ObjectRefused] = ObjectRefused) -> None:
-        """Write an integer object and read it back; `refused` unless it reads as written."""
+        """Write an integer object and read it back; `refused` unless it reads as written.
+
+        What an object of the drive's profile held before is kept for ``restore``.
+        """
+        if index >= _PROFILE and (index, sub) not in self._before:
+            self._before[index, sub] = self.read(index, sub, refused)
         self.write(index, sub, value, refused)
         found = self.read(index, sub, refused)
         if found != value:
             raise refused(f"{self.name}: 0x{index:04X}:{sub:02X} reads {found} after {value} was written")
+
+    def restore(self) -> None:
+        """Write back what the profile's objects held before; those that the drive refuses stay as they are."""
+        while self._before:
+            (index, sub), value = self._before.popitem()
+            with contextlib.suppress(ObjectRefused):
+                self.write(index, sub, value)
 
     def _variable(self, index: int, sub: int, refused: type[ObjectRefused]) -> Any:
         variable = self._node.object_dictionary.get_variable(index, sub)

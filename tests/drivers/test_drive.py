@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from drivers import errors
-from drivers.bus import Bus, BusConfig
+from drivers.bus import Bus, BusConfig, open_python_can
 from drivers.cia402 import State
 from drivers.drive import Drive, DriveConfig, DriveMove, start_together
 from tests.drivers.durand_drive import NODE, SPEED_COUNTS, SYNC_PERIOD, DurandDrive, durand_drive
@@ -81,6 +81,26 @@ def test_disconnected_the_drive_is_silent_and_says_so() -> None:
         with pytest.raises(errors.NodeSilent, match="not connected"):
             drive.check()
         assert not bus.network.nodes
+
+
+def test_the_drive_is_left_as_it_was_found() -> None:
+    with machine() as (drive, peer, _):
+        with drive.enabled():
+            drive.start(MOVE)
+            drive.wait_standstill()
+        drive.disconnect()
+        od = peer.od
+        assert [od.read(i, 0) for i in (0x6007, 0x605A, 0x6060, 0x6081, 0x6083, 0x6085, 0x6086)] == [
+            1,
+            2,
+            0,
+            0,
+            0,
+            0,
+            0,
+        ]
+        assert (od.read(0x60A4, 1), od.read(0x607D, 2)) == (0, 0)
+        assert (od.read(0x1016, 1), od.read(0x1005, 0)) == (0, 0x80)
 
 
 def test_a_move_from_enable_to_disable() -> None:
@@ -266,6 +286,45 @@ def test_a_drive_whose_sync_ends_is_disabled_by_sdo() -> None:
             peer.mute = True
             drive.wait_standstill()
         assert not peer.powered
+
+
+def test_a_drive_whose_heartbeat_ends_is_silent() -> None:
+    with machine(replace(CONFIG, heartbeat_patience=0.3)) as (drive, peer, _):
+        peer.od.write(0x1017, 0, 0)
+        with pytest.raises(errors.NodeSilent, match="no heartbeat for"), drive.enabled():
+            drive.start(replace(MOVE, target=2 * pi * 150, relative=False))
+            drive.wait_standstill()
+        assert not peer.powered
+
+
+def test_a_bus_lost_in_mid_move_is_named_and_the_axis_not_called_disabled() -> None:
+    class Adapter:
+        """Opens the bus once, and never again after it was pulled out."""
+
+        def __init__(self) -> None:
+            self.pulled = False
+
+        def __call__(self, config: BusConfig) -> can.BusABC:
+            if self.pulled:
+                raise errors.BusNotOpened("no adapter")
+            bus = open_python_can(config)
+            recv = bus.recv
+
+            def read(timeout: float | None = None) -> can.Message | None:
+                if self.pulled:
+                    raise can.CanOperationError("Network is down", 100)
+                return recv(timeout)
+
+            bus.recv = read  # type: ignore[method-assign]
+            return bus
+
+    adapter = Adapter()
+    with durand_drive(CHANNEL), Bus(BUS, adapter) as bus, Drive(bus, CONFIG) as drive:
+        with pytest.raises(errors.BusLost, match=r"Network is down|no adapter") as caught, drive.enabled():
+            drive.start(replace(MOVE, target=2 * pi * 150, relative=False))
+            adapter.pulled = True
+            drive.wait_standstill()
+        assert "could not be verified disabled" in caught.value.__notes__[0]
 
 
 def test_start_together_stops_all_when_one_refuses() -> None:
