@@ -1,0 +1,158 @@
+"""The command line as a program and as a person uses it: answers, exit status, and what is said of bad input."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner, Result
+
+from service.backlash.results import Reason
+from service.captures import write_capture
+from service.cli import app
+from service.dynamics.parameters import AxisParameters
+from service.dynamics.simulation import simulate, ten_steps
+from service.recording import AxisDescription, Recording, Trace
+
+B = 60e-6
+
+
+def simulated() -> Recording:
+    """A clean run of a simulated axis with backlash B, sampled like a drive and a sensor do."""
+    parameters = AxisParameters(b=B)
+    run = simulate(parameters, ten_steps())
+    measured = run.axes["X1"].measured
+    noise = np.random.default_rng(7).normal(0.0, 0.03, len(run.time) // 2)
+    return Recording(
+        machine="simulated",
+        axes=(
+            AxisDescription(
+                "X1", parameters.transmission, rates={"motor_speed": 1000.0, "acceleration": 4000.0}
+            ),
+        ),
+        traces={
+            ("X1", "motor_speed"): Trace(run.time[7::8], measured.motor_speed[7::8]),
+            ("X1", "acceleration"): Trace(run.time[1::2], measured.load_acceleration[1::2] + noise),
+        },
+        moves=run.moves,
+    )
+
+
+@pytest.fixture(scope="module")
+def sound() -> Recording:
+    return simulated()
+
+
+def changed(recording: Recording, channel: str, factor: float) -> Recording:
+    traces = dict(recording.traces)
+    trace = traces["X1", channel]
+    traces["X1", channel] = Trace(trace.time, factor * trace.value)
+    return replace(recording, traces=traces)
+
+
+def without(recording: Recording, channel: str) -> Recording:
+    return replace(recording, traces={k: v for k, v in recording.traces.items() if k[1] != channel})
+
+
+def call(*arguments: object) -> Result:
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def analysed(recording: Recording, path: Path) -> dict[str, Any]:
+    write_capture(recording, path)
+    result = call("analyze", path, "--json")
+    assert result.exit_code == 0, result.stderr
+    return dict(json.loads(result.stdout)["axes"][0])
+
+
+def test_a_sound_capture_gives_a_value_near_its_truth(sound: Recording, tmp_path: Path) -> None:
+    axis = analysed(sound, tmp_path / "run.parquet")
+    assert (axis["verdict"], axis["reason"]) == ("ok", None)
+    assert axis["backlash_m"] == pytest.approx(B, rel=0.15)
+    assert axis["interval_95_m"][0] < B < axis["interval_95_m"][1]
+    assert [step["index"] for step in axis["steps"]] == list(range(10))
+    assert set(axis["steps"][0]) == {
+        "index", "direction", "verdict", "reason", "backlash_m", "t1_s", "t2_s",
+    }  # fmt: skip
+
+
+def test_csv_and_parquet_give_the_same_answer(sound: Recording, tmp_path: Path) -> None:
+    as_csv, as_parquet = analysed(sound, tmp_path / "run.csv"), analysed(sound, tmp_path / "run.parquet")
+    assert as_csv == as_parquet
+
+
+@pytest.mark.parametrize(
+    ("channel", "factor"),
+    [
+        ("motor_speed", 60 / (2 * np.pi)),
+        ("acceleration", 1 / 9.80665),
+        ("motor_speed", -1.0),
+        ("acceleration", -1.0),
+    ],
+)
+def test_wrong_units_and_signs_are_refused(
+    sound: Recording, tmp_path: Path, channel: str, factor: float
+) -> None:
+    axis = analysed(changed(sound, channel, factor), tmp_path / "run.parquet")
+    assert axis["verdict"] == "refused"
+    assert axis["reason"] in set(Reason)
+    assert axis["backlash_m"] is None
+    assert axis["interval_95_m"] is None
+
+
+@pytest.mark.parametrize("channel", ["motor_speed", "acceleration"])
+def test_one_channel_alone_is_refused(sound: Recording, tmp_path: Path, channel: str) -> None:
+    axis = analysed(without(sound, channel), tmp_path / "run.parquet")
+    assert (axis["verdict"], axis["reason"]) == ("refused", "channel_missing")
+
+
+def test_a_capture_without_moves_is_refused(sound: Recording, tmp_path: Path) -> None:
+    axis = analysed(replace(sound, moves=()), tmp_path / "run.parquet")
+    assert (axis["verdict"], axis["reason"]) == ("refused", "no_moves")
+
+
+def test_what_cannot_be_read_is_named_and_the_others_are_still_analysed(
+    sound: Recording, tmp_path: Path
+) -> None:
+    good, torn, absent = (tmp_path / name for name in ("good.parquet", "torn.parquet", "absent.parquet"))
+    write_capture(sound, good)
+    torn.write_bytes(good.read_bytes()[:5000])
+    result = call("analyze", absent, torn, good, "--json")
+    assert result.exit_code == 1
+    assert [json.loads(line)["capture"] for line in result.stdout.splitlines()] == [str(good)]
+    assert str(absent) in result.stderr
+    assert str(torn) in result.stderr
+
+
+def test_a_picture_of_a_step_is_drawn(sound: Recording, tmp_path: Path) -> None:
+    capture, out = tmp_path / "run.parquet", tmp_path / "step.svg"
+    write_capture(sound, capture)
+    assert call("picture", capture, "--out", out, "--step", 3).exit_code == 0
+    drawn = out.read_text(encoding="utf-8")
+    assert drawn.startswith("<svg")
+    assert "t1" in drawn
+    refused = call("picture", capture, "--out", out, "--step", 99)
+    assert refused.exit_code == 1
+    assert "no step 99" in refused.stderr
+
+
+def test_a_configuration_is_explained_or_refused(tmp_path: Path) -> None:
+    example = Path(__file__).parents[2] / "deploy" / "flankwatch.toml"
+    told = call("check-config", example)
+    assert told.exit_code == 0
+    assert "group X: X1, X2" in told.stdout
+    wrong = tmp_path / "wrong.toml"
+    wrong.write_text(example.read_text(encoding="utf-8").replace("[machine]", "[machin]"), encoding="utf-8")
+    refused = call("check-config", wrong)
+    assert refused.exit_code == 1
+    assert "is machine meant?" in refused.stderr
+
+
+def test_a_check_without_a_service_says_what_to_do() -> None:
+    result = call("check", "X1", "--url", "http://127.0.0.1:9")
+    assert result.exit_code == 1
+    assert "is it running?" in result.stderr
