@@ -7,7 +7,7 @@ A term acts at three moments of a step: `between` alters the distances and their
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from tests.undeclared.machine import Plant
 
-Array = NDArray[np.float64]
+Array = NDArray[np.floating[Any]]
 
 MOTOR, GEAR, PINION, CARRIAGE, BASE, HUNG = range(6)
 

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 from numpy.random import Generator
+from numpy.typing import NDArray
 
 from tests.undeclared import capture, draw, sensors
 from tests.undeclared.draw import Machine
@@ -144,7 +145,7 @@ def channels(case: Case, traces: Traces, first: int, sensor: Machine) -> Channel
     return made
 
 
-def in_moves(times: Array, steps: Steps) -> Array:
+def in_moves(times: Array, steps: Steps) -> NDArray[np.bool_]:
     """Return which times (n,) lie in a move or the 50 ms after it."""
     since = (times - steps.rest) % (steps.period + steps.rest)
     return (times > steps.rest) & (since < steps.period + 0.05)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from tests.undeclared import forces
 from tests.undeclared.forces import BASE, CARRIAGE, MOTOR, NEUTRAL
 
-Array = NDArray[np.float64]
+Array = NDArray[np.floating[Any]]
 
 TICK = 1.25e-4
 """Cycle of the drive's controller and of the recorded traces [s]; chosen: 8 kHz, as drives have it."""
@@ -39,7 +40,7 @@ class Steps:
     @property
     def period(self) -> float:
         """Length of one step [s] on the controller's grid, the closing sample included."""
-        return (np.ceil((32 * self.length / self.jerk) ** (1 / 3) / TICK) + 1) * TICK
+        return float((np.ceil((32 * self.length / self.jerk) ** (1 / 3) / TICK) + 1) * TICK)
 
     @property
     def starts(self) -> Array:
@@ -166,7 +167,7 @@ class Plant:
         self.damp = np.stack([p["d_gear"], p["d_shaft"]])
         self.middle = p["backlash"] * (0.5 - p["flank"])
         self.half = p["backlash"] / 2
-        self.force = np.zeros(n)
+        self.force: Array = np.zeros(n)
         self.partner = self.lanes + p["partner"].astype(int)
         self.gantry = bool(np.any(p["partner"] != 0))
         self.time, self.fresh = 0.0, True

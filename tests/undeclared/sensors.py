@@ -7,6 +7,7 @@ over a sample interval is the mean acceleration that the sensor delivers.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.random import Generator
@@ -16,7 +17,7 @@ from scipy.signal import cont2discrete, lfilter
 
 from tests.undeclared.machine import TICK, Traces
 
-Array = NDArray[np.float64]
+Array = NDArray[np.floating[Any]]
 Channel = tuple[Array, Array]
 
 SPEED_LSB = 0.05 * 2 * np.pi / 60
@@ -98,19 +99,21 @@ def _jitter(rng: Generator, count: int, s: Mapping[str, float]) -> Array:
     if not s.get("jitter"):
         return np.zeros(count)
     memory = np.exp(-1 / (0.005 * s["acceleration_hz"]))
-    return s["jitter"] * lfilter([np.sqrt(1 - memory**2)], [1, -memory], rng.standard_normal(count))
+    return np.asarray(
+        s["jitter"] * lfilter([np.sqrt(1 - memory**2)], [1, -memory], rng.standard_normal(count))
+    )
 
 
 def _offset(t: Array, s: Mapping[str, float]) -> Array:
     """Bias, its drift per second, and a warm-up towards `bias_warm`."""
     warm = s.get("bias_warm", 0.0) * (1 - np.exp(-t / s.get("tau_warm", 1.0)))
-    return s.get("bias", 0.0) + s.get("bias_drift", 0.0) * t + warm
+    return np.asarray(s.get("bias", 0.0) + s.get("bias_drift", 0.0) * t + warm)
 
 
 def _hum(t: Array, s: Mapping[str, float]) -> Array:
     """50 Hz and its third harmonic from the mains."""
     turn = 2 * np.pi * s.get("hum_hz", 50.0) * t + s.get("hum_phase", 0.0)
-    return s.get("hum", 0.0) * (np.sin(turn) + 0.3 * np.sin(3 * turn + 1.0))
+    return np.asarray(s.get("hum", 0.0) * (np.sin(turn) + 0.3 * np.sin(3 * turn + 1.0)))
 
 
 def _second_order(x: Array, top: list[float], hz: float, zeta: float) -> Array:
