@@ -15,10 +15,13 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import os
+import socket
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import can
@@ -87,9 +90,29 @@ def open_python_can(config: BusConfig) -> can.BusABC:
         {"preserve_timestamps": config.machine_time} if config.interface == "virtual" else {}
     )
     try:
-        return can.Bus(interface=config.interface, channel=config.channel, **options)
+        if config.interface == "socketcan":
+            socket.if_nametoindex(config.channel)  # python-can would leave a socket open over a missing one
+        opened = can.Bus(interface=config.interface, channel=config.channel, **options)
     except (can.CanError, OSError, ValueError) as error:
         raise BusNotOpened(f"{config.interface} {config.channel} could not be opened ({error})") from error
+    if isinstance(opened, SocketcanBus):
+        _require_up(opened, config)
+    return opened
+
+
+def _require_up(opened: SocketcanBus, config: BusConfig) -> None:
+    """Refuse an interface that is down: the kernel binds a socket to it and leaves only an error behind."""
+    pending = opened.socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+    if pending:
+        opened.shutdown()
+        raise BusNotOpened(f"{config.interface} {config.channel} is not usable ({os.strerror(pending)})")
+
+
+def _state_at_opening(config: BusConfig) -> BusState:
+    """OFF where the interface has no carrier: it went bus-off earlier, and no error frame says so again."""
+    carrier = Path("/sys/class/net", config.channel, "carrier")
+    lost = config.interface == "socketcan" and carrier.is_file() and carrier.read_text().strip() == "0"
+    return BusState.OFF if lost else BusState.ACTIVE
 
 
 class _Network(canopen.Network):
@@ -263,7 +286,9 @@ class Bus:
             if isinstance(opened, SocketcanBus)
             else MessageReader(opened)
         )
-        self._state = BusState.ACTIVE
+        self._state = _state_at_opening(self.config)
+        if self._state is BusState.OFF:
+            self._last_error = "it was off already when it was opened"
         self._can = opened
 
     def _detach(self) -> None:

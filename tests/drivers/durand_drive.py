@@ -11,8 +11,9 @@ in one frame for the first time would move it to the old target.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 import can
@@ -92,9 +93,15 @@ class TimerScheduler(AbstractScheduler):  # type: ignore[misc]
 class DurandDrive:
     """The drive. `refuse` names objects whose writes are aborted, `forget` objects that keep their old value."""
 
-    def __init__(self, channel: str, refuse: set[int] = frozenset(), forget: set[int] = frozenset()) -> None:  # type: ignore[assignment]
-        self._channel = channel
-        self._bus = can.Bus(interface="virtual", channel=channel)
+    def __init__(
+        self,
+        channel: str,
+        refuse: Collection[int] = (),
+        forget: Collection[int] = (),
+        interface: str = "virtual",
+    ) -> None:
+        self._open = partial(can.Bus, interface=interface, channel=channel)
+        self._bus = self._open()
         self._network = CANBusNetwork(self._bus)
         self.node = MinimalNode(self._network, NODE)
         self.od = self.node.object_dictionary
@@ -113,7 +120,7 @@ class DurandDrive:
     def close(self) -> None:
         self._stop.set()
         self._thread.join()
-        with can.Bus(interface="virtual", channel=self._channel) as waker:
+        with self._open() as waker:
             wake = can.Message(arbitration_id=0x80, is_extended_id=False)
             # durand's Notifier looks for its end once a second, or at a frame.
             timer = threading.Timer(0.02, waker.send, [wake])
@@ -122,7 +129,7 @@ class DurandDrive:
             timer.join()
         self._bus.shutdown()
 
-    def _build(self, refuse: set[int], forget: set[int]) -> None:
+    def _build(self, refuse: Collection[int], forget: Collection[int]) -> None:
         for index, (datatype, access, value) in VARIABLES.items():
             self.od[index] = Variable(datatype, access, value)
         self.od[0x1016] = Array(Variable(U32, "rw"), 1)
