@@ -120,6 +120,8 @@ function openLinkedRun() {
   body?.parentElement.scrollIntoView();
 }
 
+// A plain button, so that Enter in the form acknowledges; in the dialog before a move, Enter cancels.
+$("ack-cancel").addEventListener("click", () => $("ack-dialog").close());
 $("more-runs").addEventListener("click", showOlderRuns);
 window.addEventListener("hashchange", openLinkedRun);
 await loop();

@@ -1,0 +1,81 @@
+"""The page in a real browser; skips, saying so, where playwright or Debian's chromium is absent."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import uvicorn
+
+from tests.service.api.house import House
+
+CHROMIUM = Path("/usr/bin/chromium")
+
+
+@pytest.fixture
+def playwright() -> Any:
+    """Ask for the browser before anything is served."""
+    if not CHROMIUM.exists():
+        pytest.skip(f"no browser: {CHROMIUM} is absent")
+    return pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+
+
+@pytest.fixture
+def address(playwright: Any, nights: House) -> Iterator[str]:
+    """Serve the application on a free port of the loopback."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    server = uvicorn.Server(uvicorn.Config(nights.client.app, port=port, log_level="error"))
+    thread = threading.Thread(target=server.run)
+    thread.start()
+    while not server.started:
+        time.sleep(0.05)
+    yield f"http://127.0.0.1:{port}/"
+    server.should_exit = True
+    thread.join()
+
+
+@pytest.fixture
+def page(playwright: Any, address: str) -> Iterator[Any]:
+    """Open the page and wait until it shows the axes."""
+    with playwright.sync_playwright() as driver:
+        flags = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-sync"]
+        browser = driver.chromium.launch(executable_path=str(CHROMIUM), args=flags)
+        opened = browser.new_page(viewport={"width": 400, "height": 800})
+        asked: list[str] = []
+        opened.on("request", lambda request: asked.append(request.url))
+        opened.goto(address)
+        opened.wait_for_selector(".card")
+        yield opened
+        assert [url for url in asked if not url.removeprefix("blob:").startswith(address)] == []
+        browser.close()
+
+
+def test_a_technician_checks_and_acknowledges_by_keyboard(page: Any, nights: House) -> None:
+    page.get_by_role("button", name="Acknowledge").focus()
+    page.keyboard.press("Enter")
+    page.keyboard.type("A. Smith")
+    page.keyboard.press("Enter")
+    page.wait_for_selector("text=Seen by A. Smith")
+    page.get_by_role("button", name="Check Y now").focus()
+    page.keyboard.press("Enter")
+    page.keyboard.press("Enter")
+    assert nights.repository.unfinished_run() is None, "Enter in the warning before a move must cancel"
+    page.keyboard.press("Enter")
+    page.get_by_role("button", name="Move and measure").click()
+    page.wait_for_selector("text=waiting")
+    assert nights.repository.unfinished_run() is not None
+
+
+def test_the_page_fits_a_narrow_screen_and_opens_a_run(page: Any) -> None:
+    assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0
+    page.locator(".run-head").first.click()
+    page.wait_for_selector(".run-body table")
+    assert page.locator(".run-body tbody tr").count() == 10
+    assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0
