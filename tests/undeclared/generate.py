@@ -161,13 +161,19 @@ def deviation(case: Case, planted: Channels, pure: Channels) -> float:
     return float(np.sqrt(np.mean(squares))) if squares else 0.0
 
 
-def simulate_batch(batch: Sequence[Case], pure: bool = False) -> list[tuple[Case, Traces, int]]:
-    """Simulate a batch; return each case with the traces and its first lane."""
-    lanes = [m for case in batch for m in (case.pure if pure else case.machines)]
+def simulate_batch(batch: Sequence[Case], twins: bool = False) -> tuple[Traces, list[int], int]:
+    """Simulate a batch, and its machines without what was planted in lanes of their own where `twins` are wanted.
+
+    Returns
+    -------
+    traces, first lane of every case, distance in lanes to the twins
+    """
+    lanes = [m for case in batch for m in case.machines]
     moves = [case.steps for case in batch for _ in case.machines]
-    traces = simulate(lanes, moves)
-    firsts = np.cumsum([0, *(len(case.machines) for case in batch)])
-    return [(case, traces, int(first)) for case, first in zip(batch, firsts[:-1], strict=True)]
+    if twins:
+        lanes, moves = lanes + [m for case in batch for m in case.pure], moves * 2
+    firsts = np.cumsum([0, *(len(case.machines) for case in batch)]).tolist()
+    return simulate(lanes, moves), firsts[:-1], firsts[-1]
 
 
 def crossed(traces: Traces, lane: int, m: Machine, steps: Steps) -> list[float]:
@@ -185,7 +191,23 @@ def crossed(traces: Traces, lane: int, m: Machine, steps: Steps) -> list[float]:
     return widths
 
 
-def truth(c: Campaign, case: Case, widths: dict[str, list[float]]) -> dict[str, Any]:
+def passes(traces: Traces, lane: int, m: Machine, steps: Steps) -> int:
+    """Return in how many moves the flank crosses the whole gap, before the move ends."""
+    side = np.clip(
+        (traces.flank[:, lane] - m["backlash"] * (0.5 - m["flank"])) / (0.49 * m["backlash"]), -1, 1
+    )
+    count = 0
+    for k, start in enumerate(steps.starts):
+        during = side[int((start + 0.2 * steps.period) / TICK) : int((start + steps.period) / TICK)]
+        forwards = during if k % 2 == 0 else -during
+        driving = np.flatnonzero(forwards >= 1)
+        count += bool(driving.size and np.any(forwards[driving[0] :] <= -1))
+    return count
+
+
+def truth(
+    c: Campaign, case: Case, widths: dict[str, list[float]], crossings: dict[str, int]
+) -> dict[str, Any]:
     """Return the truth of a recording; `axis`, `machine` and `sensors` hold every parameter of the first axis."""
     first = case.machines[0]
     changed = {k: v for k, v in first.items() if case.pure[0].get(k) != v}
@@ -198,6 +220,7 @@ def truth(c: Campaign, case: Case, widths: dict[str, list[float]]) -> dict[str, 
         "messy": c.kind in ("messy", "impure", "impure_gantry"),
         "backlash_m": {axis: float(np.mean(w)) for axis, w in widths.items()},
         "steps_backlash_m": widths,
+        "moves_that_cross": crossings,
         "axis": first,
         "planted": changed | case.planted,
         "machine": {k: v for k, v in first.items() if k.endswith(("_base", "_hung", "_c"))},
@@ -218,7 +241,8 @@ def write_case(
     stem = f"{case.name}-{case.part}" if case.part else case.name
     capture.write(out / f"{stem}.parquet", made, about, shuffled)
     widths = {f"X{k + 1}": crossed(traces, first + k, m, case.steps) for k, m in enumerate(case.machines)}
-    return truth(c, case, widths)
+    crossings = {f"X{k + 1}": passes(traces, first + k, m, case.steps) for k, m in enumerate(case.machines)}
+    return truth(c, case, widths, crossings)
 
 
 def merge(first: dict[str, Any], second: dict[str, Any]) -> dict[str, Any]:
@@ -233,17 +257,14 @@ def generate(c: Campaign, out: Path) -> int:
     out.mkdir(parents=True, exist_ok=True)
     every = [case for index in range(c.count) for case in cases(c, index)]
     truths: dict[str, dict[str, Any]] = {}
+    twins = c.pairs and c.effect not in ("none", GANTRY_COUPLING)
     for batch in batches(every):
-        twins = (
-            simulate_batch(batch, pure=True)
-            if c.pairs and c.effect not in ("none", GANTRY_COUPLING)
-            else None
-        )
-        for k, (case, traces, first) in enumerate(simulate_batch(batch)):
+        traces, firsts, distance = simulate_batch(batch, twins)
+        for case, first in zip(batch, firsts, strict=True):
             made = channels(case, traces, first, case.sensor | case.planted)
             told = write_case(c, out, case, traces, first, made)
             if twins:
-                without = channels(replace(case, machines=case.pure), twins[k][1], twins[k][2], case.sensor)
+                without = channels(replace(case, machines=case.pure), traces, first + distance, case.sensor)
                 told["deviation_m_s2"] = deviation(case, made, without)
             truths[case.name] = merge(truths[case.name], told) if case.name in truths else told
     for name, told in truths.items():

@@ -188,6 +188,7 @@ def test_the_same_seed_gives_the_same_bytes(tmp_path: Path, monkeypatch: pytest.
     assert table.schema.names == ["time_s", "axis", "channel", "value"]
     assert about["gantry"] == [["X1", "X2"]] and len(about["moves"]) == 1
     truth = json.loads((tmp_path / "a" / "gantry-000-truth.json").read_text())
+    assert truth["moves_that_cross"] == {"X1": 1, "X2": 1}
     assert set(truth["backlash_m"]) == {"X1", "X2"} and truth["effect"] == "none"
 
 
