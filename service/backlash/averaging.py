@@ -66,7 +66,7 @@ def average(values: Sequence[StepValue]) -> Average:
     n = int(np.count_nonzero(kept))
     spread = float(np.std(b[kept], ddof=1)) if n > 1 else np.inf
     random = float(stats.t.ppf(0.975, max(n - 1, 1))) * spread / np.sqrt(n)
-    interval = (float(np.mean(lower[kept])) - random, float(np.mean(upper[kept])) + random)
+    interval = (float(np.mean(lower[kept]) - random), float(np.mean(upper[kept]) + random))
     return Average(float(np.mean(b[kept])), interval, spread, tuple(bool(k) for k in kept))
 
 

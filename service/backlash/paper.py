@@ -4,7 +4,8 @@ Zenn, Keck, Beck, Herold, Melz: Automated backlash determination on rack-and-pin
 
     signals      motor and load acceleration, forward, at the output; low-passed for the integration
     plausibility whether they can be what was commanded
-    skew         what the accelerometer's clock is late
+    pairing      whether a gantry's sensors are swapped
+    alignment    what the accelerometer's clock is late, how soft the drive is
     detection    t1 by gamma_t1, t2 by gamma_t2 = 0.5·max
     integration  b by eq. (10)
     averaging    ten steps, 95 % interval
@@ -23,13 +24,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from service.backlash import plausibility
-from service.backlash.averaging import FEWEST_STEPS, StepValue, average, outlier, too_few, unsure
+from service.backlash.alignment import LARGEST, skew, softness
+from service.backlash.averaging import FEWEST_STEPS, Average, StepValue, average, outlier, too_few, unsure
 from service.backlash.detection import SEARCH, Pass, find_pass, run_noise
 from service.backlash.integration import parted
 from service.backlash.pairing import paired
 from service.backlash.results import AxisResult, Reason, Refusal, StepResult
 from service.backlash.signals import StepSignals, axis_signals, for_integration, step_signals
-from service.backlash.skew import SMALLEST, SMALLEST_GANTRY, Contact, contact
 from service.recording import Recording
 
 METHOD = "paper"
@@ -41,46 +42,46 @@ half width of both filters at 500 Hz."""
 GANTRY_ACCURACY = 0.2
 """Accuracy that section V reports of the method on a gantry, relative; no interval of one is narrower."""
 
-LATEST_SKEW = 5e-3
-"""Skew between the streams beyond which they are not two views of one step [s]. Chosen: half a pass."""
-
 
 def paper(recording: Recording, axis: str) -> AxisResult:
     """Backlash of one axis [m] by the paper's thresholds with its 95 % interval, or a named refusal."""
     refusal = plausibility.recorded(recording, axis)
+    whole = {} if refusal else _signals(recording, axis, 0.0)
+    refusal = refusal or plausibility.moved(list(whole.values())) or paired(recording, axis)
     if refusal:
         return _refused(axis, refusal)
-    whole = [signals for signals in _signals(recording, axis, 0.0) if signals]
-    refusal = (plausibility.moved(whole) if whole else None) or paired(recording, axis)
-    if refusal:
-        return _refused(axis, refusal)
-    gantry = recording.partner(axis) is not None
-    touch = _contact(whole, SMALLEST_GANTRY if gantry else SMALLEST)
-    if abs(touch.tau) > LATEST_SKEW:
-        return _refused(axis, _far_off(touch.tau))
-    steps = _signals(recording, axis, touch.tau)
-    noise = run_noise([signals for signals in steps if signals])
-    found = [_step(signals, noise, touch.c, gantry) if signals else _incomplete() for signals in steps]
-    return _judged(recording, axis, found, touch.tau)
+    tau = skew(list(whole.values()))
+    if abs(tau) > LARGEST:
+        return _refused(axis, _far_off(tau))
+    return _judged(recording, axis, _values(recording, axis, tau), tau)
 
 
-def _signals(recording: Recording, axis: str, skew: float) -> list[StepSignals | None]:
+def _signals(recording: Recording, axis: str, tau: float) -> dict[int, StepSignals]:
+    """The steps that were recorded whole, by index, the accelerometer's stamps set back by tau [s]."""
     signals = axis_signals(recording, axis)
     if signals is None:
-        return [None for _ in recording.moves]
-    return [step_signals(signals, index, move, skew) for index, move in enumerate(recording.moves)]
+        return {}
+    steps = (step_signals(signals, index, move, tau) for index, move in enumerate(recording.moves))
+    return {step.index: step for step in steps if step is not None}
 
 
-def _contact(steps: Sequence[StepSignals], smallest: float) -> Contact:
-    """Skew and softness of the whole run, from the steps that show a pass."""
-    noise = run_noise(steps)
-    passes = [(signals, find_pass(signals, noise)) for signals in steps]
-    return contact([(signals, found) for signals, found in passes if isinstance(found, Pass)], smallest)
+def _values(recording: Recording, axis: str, tau: float) -> list[tuple[StepValue, Pass] | Refusal]:
+    """b of every step with its pass, or why there is none; noise and softness are those of the whole run."""
+    steps = _signals(recording, axis, tau)
+    noise = run_noise(list(steps.values()))
+    passes = {index: find_pass(signals, noise) for index, signals in steps.items()}
+    c = softness([(steps[index], found) for index, found in passes.items() if isinstance(found, Pass)])
+    gantry = recording.partner(axis) is not None
+    return [
+        _step(steps[index], passes[index], c, gantry) if index in steps else _incomplete()
+        for index in range(len(recording.moves))
+    ]
 
 
-def _step(signals: StepSignals, noise: float, c: float, gantry: bool) -> tuple[StepValue, Pass] | Refusal:
+def _step(
+    signals: StepSignals, found: Pass | Refusal, c: float, gantry: bool
+) -> tuple[StepValue, Pass] | Refusal:
     """b of one step by eq. (10) with its bounds, and its pass; or why not."""
-    found = find_pass(signals, noise)
     lost = _lost(signals, found)
     if lost:
         return lost
@@ -141,26 +142,34 @@ def _judged(
     recording: Recording, axis: str, found: Sequence[tuple[StepValue, Pass] | Refusal], tau: float
 ) -> AxisResult:
     """The axis' result from its steps: averaged, and refused where they are too few or disagree."""
-    sound = [item for item in found if not isinstance(item, Refusal)]
-    mean = average([value for value, _ in sound]) if sound else None
+    values = [item[0] for item in found if not isinstance(item, Refusal)]
+    mean = average(values) if values else None
     kept = iter(mean.kept if mean else ())
+    items = [item if isinstance(item, Refusal) or next(kept) else outlier(item[0]) for item in found]
     steps = tuple(
-        _step_result(i, move.direction, item if isinstance(item, Refusal) or next(kept) else outlier(item[0]))
-        for i, (move, item) in enumerate(zip(recording.moves, found, strict=True))
+        _step_result(index, move.direction, item)
+        for index, (move, item) in enumerate(zip(recording.moves, items, strict=True))
     )
-    refusal = too_few(steps) if mean is None or sum(mean.kept) < FEWEST_STEPS else unsure(mean)
-    if mean is None or refusal:
-        return _refused(axis, refusal or too_few(steps), steps)
-    interval = mean.interval_95
-    if recording.partner(axis) is not None:
-        width = GANTRY_ACCURACY * mean.b
-        interval = (min(interval[0], mean.b - width), max(interval[1], mean.b + width))
+    if mean is None or sum(mean.kept) < FEWEST_STEPS:
+        return _refused(axis, too_few(steps), steps)
+    refusal = unsure(mean)
+    if refusal:
+        return _refused(axis, refusal, steps)
+    interval = _interval(mean, recording.partner(axis) is not None)
     note = (
         f"The accelerometer's stamps are {tau * 1e3:.2f} ms late against the drive's; corrected."
         if tau
         else None
     )
-    return AxisResult(axis, "ok", METHOD, None, note, mean.b, (max(interval[0], 0.0), interval[1]), steps)
+    return AxisResult(axis, "ok", METHOD, None, note, mean.b, interval, steps)
+
+
+def _interval(mean: Average, gantry: bool) -> tuple[float, float]:
+    """The 95 % interval [m]: not below zero, and of a gantry no narrower than section V found."""
+    lower, upper = mean.interval_95
+    if gantry:
+        lower, upper = min(lower, (1 - GANTRY_ACCURACY) * mean.b), max(upper, (1 + GANTRY_ACCURACY) * mean.b)
+    return max(lower, 0.0), upper
 
 
 def _step_result(index: int, direction: int, item: tuple[StepValue, Pass] | Refusal) -> StepResult:

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from service.backlash.results import Reason, Refusal
-from service.backlash.signals import StepSignals
-from service.recording import FloatArray, Recording, Trace
+from service.backlash.signals import BoolArray, StepSignals
+from service.recording import Recording, Trace
 
 CHANNELS = ("motor_speed", "acceleration")
 
@@ -39,6 +39,10 @@ ALIKE = 0.8
 
 SILENT = 0.05
 """Load speed over motor speed that counts as none. Chosen: half of what a sensor in g would show."""
+
+STALE = 0.2
+"""Share of a move over which the load's acceleration may read one value. Chosen: a quiet load that rests in the gap
+at the start, or coasts through it, does so for at most a tenth."""
 
 SPEED_UNITS = (
     (30.0 / np.pi, "rpm instead of rad/s"),
@@ -118,15 +122,30 @@ def _range(trace: Trace, channel: str) -> Refusal | None:
     return None
 
 
-def _longest(at_end: FloatArray) -> int:
+def _longest(flags: BoolArray) -> int:
     """Length of the longest run of True."""
-    ends = np.flatnonzero(np.diff(np.concatenate(([0], at_end.astype(int), [0]))))
+    ends = np.flatnonzero(np.diff(np.concatenate(([0], flags.astype(int), [0]))))
     return int(np.max(ends[1::2] - ends[::2], initial=0))
 
 
 def moved(steps: Sequence[StepSignals]) -> Refusal | None:
     """Refuse a run in which the motor did not make the commanded steps, or the load not the motor's motion."""
-    return _motor(steps) or _load(steps)
+    return (_stale(steps) or _motor(steps) or _load(steps)) if steps else None
+
+
+def _stale(steps: Sequence[StepSignals]) -> Refusal | None:
+    """Refuse an accelerometer that repeats one value while the axis moves."""
+    for step in steps:
+        time, value = step.acceleration.time, step.acceleration.value
+        inside = (time > step.move.start) & (time < step.move.end)
+        lasting = step.acceleration.period * _longest(np.diff(value[inside]) == 0.0)
+        if lasting > STALE * step.move.duration:
+            return Refusal(
+                Reason.SENSOR_FLAT,
+                f"The accelerometer repeats one value for {lasting * 1e3:.0f} ms of move {step.index}; it sends a "
+                "stale value or has stopped: check its supply and its self-test.",
+            )
+    return None
 
 
 def _motor(steps: Sequence[StepSignals]) -> Refusal | None:
@@ -160,14 +179,10 @@ def _motor(steps: Sequence[StepSignals]) -> Refusal | None:
 
 def _load(steps: Sequence[StepSignals]) -> Refusal | None:
     """The load's speed against the motor's: integrated, the blows at the impacts hardly count."""
-    pairs = [(s.speed.value[m], s.v_mas[m]) for s in steps for m in [s.within(0.0, 1.0)]]
-    size = float(np.median([np.std(load) / np.std(motor) for motor, load in pairs]))
-    alike = float(
-        np.median(
-            [np.sum(motor * load) / np.sqrt(np.sum(motor**2) * np.sum(load**2)) for motor, load in pairs]
-        )
-    )
+    pairs = [(step.speed.value[m], step.v_mas[m]) for step in steps for m in [step.within(0.0, 1.0)]]
+    size = float(np.median([np.sqrt(np.sum(load**2) / np.sum(motor**2)) for motor, load in pairs]))
     gain = float(np.median([np.sum(motor * load) / np.sum(motor**2) for motor, load in pairs]))
+    alike = gain / size if size > 0.0 else 0.0
     if size < SILENT:
         return Refusal(
             Reason.SENSOR_FLAT,

@@ -129,10 +129,15 @@ class StepSignals:
         return self.a_mot - self.a_mas
 
     @property
+    def load_speed(self) -> FloatArray:
+        """Speed of the load at the accelerometer's instants [m/s], zero on the mean before the move."""
+        v = self.acceleration.integral
+        return v - float(np.mean(v[self.acceleration.time < self.move.start]))
+
+    @property
     def v_mas(self) -> FloatArray:
-        """Speed of the load at the motor's instants (n,) [m/s], zero on the mean before the move."""
-        v = np.interp(self.time, self.acceleration.time, self.acceleration.integral)
-        return v - float(np.mean(v[self.time < self.move.start]))
+        """Speed of the load at the motor's instants (n,) [m/s]."""
+        return np.interp(self.time, self.acceleration.time, self.load_speed)
 
     def within(self, first: float, last: float) -> BoolArray:
         """Samples between two shares of the move's duration, (n,) bool."""
