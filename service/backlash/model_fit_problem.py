@@ -1,0 +1,236 @@
+"""Output-error problem: what is fitted, residuals, and a Gauss-Newton fit with all perturbations in one pass.
+
+Free are the model's shared parameters, in coordinates in which their prior is standard normal, and for each
+step and axis the load's position and speed at the first grid point, as nuisance. Residuals are divided by the
+sensor's noise times max(1, present misfit), so that the priors hold while the fit is still bad.
+
+Shapes: P shared coordinates, T steps, X axes, K samples; local (T, X, 2) in units of LOCAL_SPREAD.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.interpolate import PPoly
+
+from service.dynamics.driven import Response, simulate
+from service.dynamics.driven_model import LINKS, Model, Parameter
+from service.dynamics.driven_motion import StepGrid, coefficients
+from service.recording import FloatArray
+
+DIFFERENCE = 1e-4
+"""Step of the difference quotients in the fit's coordinates: the simulation is smooth and exact to 1e-12."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Everything that stays fixed during one fit.
+
+    Attributes
+    ----------
+    motion : (T, X) motor position at the output as a polynomial of time [m]
+    noise : (X,) standard deviation of one accelerometer sample [m/s²]
+    local_spread : (2,) prior of the load's initial position [m] and speed [m/s] against the contact's own
+    free : which of the model's parameters are fitted; others stay at their start
+    """
+
+    model: Model
+    grids: tuple[StepGrid, ...]
+    motion: tuple[tuple[PPoly, ...], ...]
+    noise: FloatArray
+    local_spread: FloatArray
+    free: tuple[bool, ...]
+
+    @property
+    def s(self) -> FloatArray:
+        return np.array([float(g.s) for g in self.grids])
+
+    @property
+    def K(self) -> int:
+        return max(g.measured.shape[1] for g in self.grids)
+
+    def fixed_to(self, names: Sequence[str]) -> Problem:
+        """The same problem in which only parameters ending in one of `names` are free."""
+        free = tuple(any(p.name.endswith(n) for n in names) for p in self.model.parameters)
+        return replace(self, free=free)
+
+
+@dataclass(frozen=True)
+class Point:
+    """shared : (P,), local : (T, X, 2), both in the fit's coordinates."""
+
+    shared: FloatArray
+    local: FloatArray
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A point, what it predicts, and how well.
+
+    Attributes
+    ----------
+    misfit : mean squared residual over noise², degrees of freedom taken off; 1 when only noise is left
+    covariance : (P, P) of the shared coordinates by the noise alone, local ones marginalised
+    cost : half the sum of squares with priors, at true noise
+    """
+
+    point: Point
+    response: Response
+    misfit: float
+    cost: float
+    covariance: FloatArray
+
+    def value(self, model: Model, name: str) -> float:
+        """One parameter in its own unit."""
+        k = [p.name for p in model.parameters].index(name)
+        return float(model.parameters[k].value(self.point.shared[k]))
+
+    def spread(self, model: Model, name: str) -> float:
+        """Standard deviation of one parameter in its own unit, first order."""
+        k = [p.name for p in model.parameters].index(name)
+        p, u = model.parameters[k], self.point.shared[k]
+        slope = float((p.value(u + 1e-4) - p.value(u - 1e-4)) / 2e-4)
+        return abs(slope) * float(np.sqrt(self.covariance[k, k]))
+
+
+def values_of(parameters: Sequence[Parameter], shared: FloatArray) -> dict[str, FloatArray]:
+    """Coordinates (S, P) -> values (S,) by name."""
+    return {p.name: p.value(shared[:, k]) for k, p in enumerate(parameters)}
+
+
+def motor_coefficients(problem: Problem, skews: FloatArray) -> FloatArray:
+    """Motor motion of every set, step and axis on the grid: skews (S, X) [s] -> (S, T, K, X, 5)."""
+    S, X = skews.shape
+    out = np.empty((S, len(problem.grids), problem.K, X, 5))
+    for x in range(X):
+        levels, of = np.unique(skews[:, x], return_inverse=True)
+        for t, grid in enumerate(problem.grids):
+            for u, skew in enumerate(levels):
+                out[of == u, t, :, x] = coefficients(problem.motion[t][x], grid.start + skew, grid.h, problem.K)
+    return out
+
+
+def load_start(problem: Problem, values: dict[str, FloatArray], c: FloatArray, local: FloatArray) -> FloatArray:
+    """Load position and speed at the first grid point (S, T, X, 2), local coordinates (S, T, X, 2) counted from
+    where the driving flank holds the load at the motor's acceleration."""
+    out = np.empty((*c.shape[:2], len(problem.model.axes), 2))
+    for x, name in enumerate(problem.model.axes):
+        links = (*LINKS[problem.model.lumps], "contact")
+        k = 1.0 / sum(1.0 / values[f"{name}.{link}_stiffness"] for link in links)
+        motor, s = c[:, :, 0, x], problem.s
+        pull = motor[..., 2] + s * values[f"{name}.coulomb"][:, None] + values[f"{name}.viscous"][:, None] * motor[..., 1]
+        wind_up = pull / k[:, None] + 0.5 * s * values[f"{name}.backlash"][:, None]
+        out[:, :, x, 0] = motor[..., 0] - wind_up
+        out[:, :, x, 1] = motor[..., 1] - motor[..., 3] / k[:, None]
+    return out + local * problem.local_spread
+
+
+def respond(problem: Problem, shared: FloatArray, local: FloatArray) -> Response:
+    """Simulate sets of coordinates: shared (S, P), local (S, T, X, 2)."""
+    values = values_of(problem.model.parameters, shared)
+    skews = np.stack([values[f"{a}.skew"] for a in problem.model.axes], axis=1)
+    c = motor_coefficients(problem, skews)
+    return simulate(problem.model, values, c, problem.s, load_start(problem, values, c, local), problem.grids[0].h)
+
+
+def residuals(problem: Problem, response: Response) -> FloatArray:
+    """(measured − predicted)/noise of the samples used: (S, N)."""
+    measured = np.stack([g.measured for g in problem.grids])
+    used = np.stack([g.used for g in problem.grids])
+    difference = (measured - response.acceleration) / problem.noise[:, None]
+    return np.asarray(difference[:, used])
+
+
+def jacobian(problem: Problem, at: Point) -> tuple[Response, FloatArray, FloatArray]:
+    """Response at a point, residuals (N,), and their derivative (N, F + T·X·2), F free shared coordinates."""
+    free = np.flatnonzero(problem.free)
+    T, X, _ = at.local.shape
+    S = 1 + len(free) + 2 * X
+    shared, local = np.tile(at.shared, (S, 1)), np.tile(at.local, (S, 1, 1, 1))
+    for row, k in enumerate(free):
+        shared[1 + row, k] += DIFFERENCE
+    for j in range(2 * X):
+        local[1 + len(free) + j, :, j // 2, j % 2] += DIFFERENCE
+    response = respond(problem, shared, local)
+    r = residuals(problem, response)
+    slopes = (r[1:] - r[0]) / DIFFERENCE
+    step_of = np.nonzero(np.stack([g.used for g in problem.grids]))[0]
+    own = np.zeros((len(step_of), T, 2 * X))
+    own[np.arange(len(step_of)), step_of] = slopes[len(free) :].T
+    first = Response(response.acceleration[:1], response.force[:1], response.relative[:1])
+    return first, r[0], np.hstack((slopes[: len(free)].T, own.reshape(len(step_of), -1)))
+
+
+def moved(problem: Problem, at: Point, step: FloatArray) -> Point:
+    """The point after a step of the free coordinates."""
+    free = np.flatnonzero(problem.free)
+    shared = at.shared.copy()
+    shared[free] += step[: len(free)]
+    return Point(shared, at.local + step[len(free) :].reshape(at.local.shape))
+
+
+def priors(problem: Problem, at: Point) -> FloatArray:
+    """Residuals of the priors, all coordinates standard normal."""
+    return np.concatenate((at.shared[np.flatnonzero(problem.free)], at.local.ravel()))
+
+
+def cost(problem: Problem, at: Point, r: FloatArray, scale: float) -> float:
+    """Half the sum of squares: residuals (N,) at `scale` times the noise, and the priors."""
+    return 0.5 * float(r @ r) / scale**2 + 0.5 * float(np.sum(priors(problem, at) ** 2))
+
+
+def trials(problem: Problem, at: Point, r: FloatArray, J: FloatArray, dampings: FloatArray) -> list[Point]:
+    """Levenberg-Marquardt steps from one linearisation, one per damping, held within 1.5 prior deviations."""
+    scale = max(1.0, float(np.sqrt(np.mean(r**2))))
+    H = J.T @ J / scale**2 + np.eye(J.shape[1])
+    g = J.T @ r / scale**2 + priors(problem, at)
+    steps = (-np.linalg.solve(H + damping * np.diag(np.diag(H)), g) for damping in dampings)
+    return [moved(problem, at, np.clip(step, -1.5, 1.5)) for step in steps]
+
+
+def best_trial(problem: Problem, points: Sequence[Point], scale: float) -> tuple[int, float]:
+    """Which of the points has the lowest cost, and that cost; all are simulated in one pass."""
+    shared, local = np.stack([p.shared for p in points]), np.stack([p.local for p in points])
+    with np.errstate(all="ignore"):
+        r = residuals(problem, respond(problem, shared, local))
+    costs = [cost(problem, p, row, scale) if np.all(np.isfinite(row)) else np.inf for p, row in zip(points, r, strict=True)]
+    return int(np.argmin(costs)), float(np.min(costs))
+
+
+def fit(problem: Problem, start: Point, rounds: int = 25, tolerance: float = 0.02) -> Fit:
+    """Levenberg-Marquardt, several dampings tried at once.
+
+    Ends when a round gains less than `tolerance` of cost (0.02: a hundredth of a standard deviation in one
+    parameter changes it by less), or after `rounds`.
+    """
+    at, damping = start, 1e-2
+    response, r, J = jacobian(problem, at)
+    for _ in range(rounds):
+        scale = max(1.0, float(np.sqrt(np.mean(r**2))))
+        dampings = damping * np.array([0.03, 1.0, 30.0, 1e3])
+        points = trials(problem, at, r, J, dampings)
+        best, reached = best_trial(problem, points, scale)
+        gained = cost(problem, at, r, scale) - reached
+        if gained <= 0.0:
+            if damping > 1e3:
+                break
+            damping *= 3e4
+            continue
+        at, damping = points[best], float(np.clip(dampings[best], 1e-6, 1e6))
+        response, r, J = jacobian(problem, at)
+        if gained < tolerance:
+            break
+    return finished(problem, at, response, r, J)
+
+
+def finished(problem: Problem, at: Point, response: Response, r: FloatArray, J: FloatArray) -> Fit:
+    """Misfit and covariance at the end of a fit."""
+    F = int(np.sum(problem.free))
+    H = J.T @ J + np.eye(J.shape[1])
+    covariance = np.zeros((len(problem.free), len(problem.free)))
+    free = np.flatnonzero(problem.free)
+    covariance[np.ix_(free, free)] = np.linalg.inv(H)[:F, :F]
+    misfit = float(r @ r) / max(1, len(r) - J.shape[1])
+    return Fit(at, response, misfit, cost(problem, at, r, 1.0), covariance)

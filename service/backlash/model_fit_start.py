@@ -1,0 +1,81 @@
+"""Where a fit starts: many random machines around the closed form's answer, all simulated in one pass.
+
+A local fit ends in the nearest minimum. Which of a few hundred plausible machines comes nearest is found first,
+on a few steps, because lanes are cheap.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from service.backlash.contact_regression import contact_steps, solve
+from service.backlash.model_fit_problem import Point, Problem, residuals, respond
+from service.dynamics.driven_model import Parameter
+from service.recording import FloatArray, Recording
+
+CANDIDATES = 160
+SEARCH_STEPS = 4
+
+
+@dataclass(frozen=True)
+class Guess:
+    """What the closed form says of one axis: b [m], M/k [s²], skew [s]; None where it says nothing."""
+
+    backlash: float | None
+    compliance: float | None
+    skew: float | None
+
+
+def closed_form(recording: Recording, axis: str) -> Guess:
+    """The contact regression's answer as a guess; its coefficient of the speed is the skew and a little friction."""
+    steps = contact_steps(recording, axis)
+    if len(steps) < 2:
+        return Guess(None, None, None)
+    found = solve(steps)
+    b, c, f = float(np.median(found.b)), float(found.shared[1]), float(found.shared[0])
+    return Guess(b if b > 2e-6 else None, c if 2e-7 < c < 5e-5 else None, -f if abs(f) < 5e-3 else None)
+
+
+def scattered(
+    parameter: Parameter, centre: float | None, wide: float, rng: np.random.Generator, n: int
+) -> FloatArray:
+    """Coordinates (n,) around a known value, `wide` in the parameter's own sense, every third five times as wide;
+    from the prior where nothing is known."""
+    if centre is None:
+        return rng.normal(0.0, 0.7, n)
+    widths = np.where(np.arange(n) % 3 == 2, 5.0 * wide, wide) / parameter.spread
+    return parameter.internal(centre) + widths * rng.normal(0.0, 1.0, n)
+
+
+def candidates(problem: Problem, guesses: dict[str, Guess], n: int = CANDIDATES) -> list[Point]:
+    """Points drawn around the guesses, from a fixed seed: the same recording gives the same answer."""
+    rng = np.random.default_rng(20231)
+    springs = 1 + problem.model.lumps
+    shared = np.zeros((n, len(problem.model.parameters)))
+    for k, p in enumerate(problem.model.parameters):
+        axis, _, name = p.name.rpartition(".")
+        guess = guesses.get(axis, Guess(None, None, None))
+        if name == "backlash":
+            shared[:, k] = scattered(p, guess.backlash, 0.1, rng, n)
+        elif name.endswith("stiffness") and axis:
+            centre = springs / guess.compliance if guess.compliance else None
+            shared[:, k] = scattered(p, centre, 0.3, rng, n)
+        elif name == "skew":
+            shared[:, k] = scattered(p, guess.skew, 1e-4, rng, n) * (rng.random(n) < 0.6)
+        else:
+            shared[:, k] = rng.normal(0.0, 0.7, n)
+    local = np.zeros((len(problem.grids), len(problem.model.axes), 2))
+    return [Point(row, local) for row in shared]
+
+
+def best_starts(problem: Problem, points: list[Point], keep: int) -> list[Point]:
+    """The points with the smallest residuals on a few steps, best first."""
+    few = replace(problem, grids=problem.grids[:SEARCH_STEPS], motion=problem.motion[:SEARCH_STEPS])
+    shared = np.stack([p.shared for p in points])
+    local = np.stack([p.local[:SEARCH_STEPS] for p in points])
+    with np.errstate(all="ignore"):
+        r = residuals(few, respond(few, shared, local))
+    size = np.where(np.isfinite(r).all(axis=1), np.mean(np.minimum(np.abs(r), 1e6), axis=1), np.inf)
+    return [points[k] for k in np.argsort(size)[:keep]]
