@@ -7,12 +7,13 @@ down at night is tried afresh the next one.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 
 from drivers.accelerometer import Accelerometer, AccelerometerConfig
 from drivers.bus import Bus, BusConfig
 from drivers.drive import Drive, DriveConfig, DriveMove, start_together
+from drivers.errors import DriverError
 from drivers.trace import Frames, Recorder
 from drivers.trace import Trace as BusTrace
 from service.config import HEARTBEAT_PERIOD, AxisSettings, BusSettings, Settings
@@ -82,7 +83,8 @@ class BusMachine:
 
         def stop_all(_: Drive) -> None:
             for drive in drives.values():
-                drive.command_quick_stop()
+                with suppress(DriverError):  # a drive that cannot be reached must not keep the others moving
+                    drive.command_quick_stop()
 
         producers = [axis for axis in self._settings.axis if axis.bus == axes[0].bus and axis.sync_producer]
         for axis in [*axes, *(axis for axis in producers if axis not in axes)]:
