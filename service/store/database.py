@@ -247,9 +247,8 @@ def _check(connection: Connection, path: Path) -> None:
 def _corrupt(path: Path, what: str) -> str:
     return (
         f"{path} is damaged ({what}): a worn disk, or a power cut on a disk that does not keep its promises. "
-        "Nothing is measured on it. Move it aside, check the disk, copy the newest backup to its place; the "
-        "captures "
-        "on disk hold what came after"
+        "Nothing is measured on it. Move it aside with its -wal and -shm, check the disk, copy the newest backup "
+        "to its place; the captures on disk hold what came after"
     )
 
 
