@@ -58,6 +58,10 @@ WEAKEST = 0.4
 """Highest d over the lowest, at least. Chosen: an impact gives about one and more; a load that was left to its
 friction until the motor stood gives friction over a_max."""
 
+LATEST = 0.77
+"""Share of the move by which the flanks must have met. From three quarters on the motor brakes less and less, so
+that d rises by itself and no threshold tells a blow from it; a little later for the lag of the controller."""
+
 FEWEST_PERIODS = 2.0
 """Sampling periods of the slower channel in a pass, at least: section III asks for much more than one."""
 
@@ -176,6 +180,13 @@ def _shape(signals: StepSignals, found: Pass, lowest: float) -> Refusal | None:
             Reason.GAP_TOO_SHORT,
             f"The pass lasts {lasting * 1e3:.1f} ms, a sample {period * 1e3:.1f} ms: the gap is too small for this "
             "sampling, or the flanks did not part; sample faster, or step with a smaller jerk.",
+        )
+    share = (found.t2 - signals.move.start) / signals.move.duration
+    if share > LATEST:
+        return Refusal(
+            Reason.EXCITATION,
+            f"The flanks meet after {share:.0%} of the move only, when the motor brakes no longer: the step is too "
+            "short or too gentle for this gap; choose a longer step or a larger jerk.",
         )
     if -lowest < SHALLOWEST * signals.move.jerk * lasting:
         return Refusal(

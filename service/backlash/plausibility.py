@@ -168,7 +168,13 @@ def _motor(steps: Sequence[StepSignals]) -> Refusal | None:
                 else "; it was stopped or disturbed, or the transmission is wrong: check both."
             ),
         )
-    if abs(peak - 1.0) >= PEAK:
+    if peak >= 1.0 + PEAK:
+        return Refusal(
+            Reason.TRAJECTORY_NOT_FOLLOWED,
+            f"The motor is {peak:.2f} times as fast as the commanded step at its fastest; the controller overshoots or "
+            "the drive follows another profile: check its gains, 0x6086 and 0x60A4.",
+        )
+    if peak <= 1.0 - PEAK:
         return Refusal(
             Reason.EXCITATION,
             f"The largest motor speed is {peak:.2f} times that of a step without constant speed; the drive has no "
