@@ -12,7 +12,7 @@ import numpy as np
 
 from service.backlash.results import Reason, Refusal
 from service.backlash.signals import BoolArray, StepSignals
-from service.recording import Recording, Trace
+from service.recording import Move, Recording, Trace
 
 CHANNELS = ("motor_speed", "acceleration")
 
@@ -39,6 +39,12 @@ ALIKE = 0.8
 
 SILENT = 0.05
 """Load speed over motor speed that counts as none. Chosen: half of what a sensor in g would show."""
+
+RISING = 0.75
+"""Least mean acceleration around its largest, over the nominal largest. Jerk-limited it is 0.9, constant 0.5."""
+
+PURE = 0.03
+"""Tolerance of a move's duration over that of a step that no other limit shapes: drives round it to a cycle."""
 
 STALE = 0.2
 """Share of a move over which the load's acceleration may read one value. Chosen: a quiet load that rests in the gap
@@ -130,7 +136,7 @@ def _longest(flags: BoolArray) -> int:
 
 def moved(steps: Sequence[StepSignals]) -> Refusal | None:
     """Refuse a run in which the motor did not make the commanded steps, or the load not the motor's motion."""
-    return (_stale(steps) or _motor(steps) or _load(steps)) if steps else None
+    return (_stale(steps) or _motor(steps) or _profile(steps) or _load(steps)) if steps else None
 
 
 def _stale(steps: Sequence[StepSignals]) -> Refusal | None:
@@ -181,6 +187,32 @@ def _motor(steps: Sequence[StepSignals]) -> Refusal | None:
             "jerk-limited profile or a lower speed limit: t0 is not one clear time. Check 0x6086, 0x60A4, 0x6081.",
         )
     return None
+
+
+def _profile(steps: Sequence[StepSignals]) -> Refusal | None:
+    """Refuse a step with constant instead of rising acceleration: from 0.2 to 0.3 it has half of j_lim·T/4.
+
+    Only where neither a_lim nor v_lim shaped the step, T = 4·(SL/(2 j_lim))^(1/3): there a_max is known.
+    """
+    shares = [_acceleration_share(step) for step in steps if _is_pure(step.move)]
+    if not shares or float(np.median(shares)) > RISING:
+        return None
+    return Refusal(
+        Reason.EXCITATION,
+        f"At its strongest the motor accelerates with {float(np.median(shares)):.0%} of what the jerk-limited step "
+        "needs; the drive follows another profile (constant acceleration): check 0x6086 = 2 and 0x60A4.",
+    )
+
+
+def _is_pure(move: Move) -> bool:
+    return bool(abs(move.duration / (4.0 * np.cbrt(move.length / (2.0 * move.jerk))) - 1.0) < PURE)
+
+
+def _acceleration_share(step: StepSignals) -> float:
+    move = step.move
+    ends = move.start + move.duration * np.array([0.2, 0.3])
+    gained = float(np.diff(np.interp(ends, step.speed.time, step.speed.value))[0])
+    return gained / (0.1 * move.duration) / (move.jerk * move.duration / 4.0)
 
 
 def _load(steps: Sequence[StepSignals]) -> Refusal | None:
