@@ -63,6 +63,10 @@ class StorageSettings(_Section):
         return self.directory / "flankwatch.sqlite"
 
     @property
+    def backups(self) -> Path:
+        return self.directory / "backups"
+
+    @property
     def captures(self) -> Path:
         return self.directory / "captures"
 

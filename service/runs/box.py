@@ -18,6 +18,7 @@ from service.motion import messages
 from service.runs.diagnostic_run import Workshop, diagnostic_run
 from service.store.errors import StoreError
 from service.store.records import (
+    AlreadyRun,
     CheckAnswer,
     Progress,
     QueueAnswer,
@@ -57,9 +58,11 @@ class Box(AbstractContextManager["Box"]):
 
     def request(self, target: str, idempotency_key: str | None = None) -> CheckAnswer:
         """Put a check of the axis or group called ``target`` into the box, or say why not."""
-        return self._put(target, "on_demand", None, idempotency_key)
+        answer = self._put(target, "on_demand", None, idempotency_key)
+        assert not isinstance(answer, AlreadyRun), "only a nightly run belongs to a date"
+        return answer
 
-    def request_nightly(self, group: str, local_date: date) -> CheckAnswer:
+    def request_nightly(self, group: str, local_date: date) -> QueueAnswer | UnknownTarget:
         """Put the nightly run of a group and local date into the box, or say why not."""
         return self._put(group, "nightly", local_date, None)
 

@@ -77,7 +77,7 @@ def judge_result(
     repository: Repository, axis: AxisRecord, result: AxisResult, at: datetime
 ) -> tuple[AxisOutcome, tuple[AlarmChange, ...]]:
     """Set a new value into its axis' history: the trend with it, and what becomes of the axis' alarms."""
-    history = repository.history(axis.name).with_value(at.timestamp(), result.backlash)
+    history = repository.history(axis.name, result.method).with_value(at.timestamp(), result.backlash)
     has_band = axis.reference is not None and axis.tolerance is not None
     band = Band(axis.reference, axis.tolerance) if has_band else None  # type: ignore[arg-type]
     judgement = judge(history.t, history.b, band, repository.active_alarms(axis.name))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 from contextlib import AbstractContextManager
-from datetime import date, datetime, timedelta
+from datetime import UTC, date, datetime, timedelta
 from zoneinfo import ZoneInfo
 
 import numpy as np
@@ -15,6 +15,7 @@ from service.monitoring.alarm import judge_nights
 from service.runs.box import Box
 from service.runs.diagnostic_run import Workshop
 from service.runs.schedule import local_date_due, nights_without
+from service.store.database import backups
 from service.store.records import AlarmChange
 
 log = logging.getLogger(__name__)
@@ -56,6 +57,7 @@ class Scheduler(AbstractContextManager["Scheduler"]):
         for axis in self._workshop.repository.axes():
             missed = nights_without(self._last_value(axis.name), now, schedule.at, zone, late)
             self._judge_nights(axis.name, missed, now)
+        self._back_up_daily(now)
 
     def _start_next(self, day: date) -> None:
         """Put the first group that has no run of this local date yet into the box; the others follow."""
@@ -78,6 +80,13 @@ class Scheduler(AbstractContextManager["Scheduler"]):
         changes = judge_nights(nights, repository.active_alarms(axis))
         if changes:
             repository.change_alarms([AlarmChange(axis, change) for change in changes], now)
+
+    def _back_up_daily(self, now: datetime) -> None:
+        """One verified backup of the store a day, at its first look."""
+        folder, stem = self._settings.storage.backups, self._settings.storage.database.stem
+        newest = next(iter(backups(folder, stem)), None)
+        if newest is None or newest.stem < f"{stem}-{now.astimezone(UTC):%Y%m%d}":
+            log.info("store backed up to %s", self._workshop.repository.backup(folder, now))
 
     def _work(self) -> None:
         while not self._stop.wait(LOOK_EVERY):
