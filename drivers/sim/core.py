@@ -14,6 +14,9 @@ from drivers.sim.physics import Physics, PhysicsBlock, Setpoint
 from drivers.sim.power_states import State
 from drivers.sim.wire import Frame, Wire
 
+_POLL = 0.001
+"""How long one bus is listened to while another may speak [s of wall time]."""
+
 
 @dataclass
 class Line:
@@ -70,15 +73,14 @@ class MachineCore:
     # -- what comes in
 
     def receive(self, timeout: float) -> Command | None:
-        """The next command of any bus, waiting for at most ``timeout`` [s]; heartbeats are heard in passing."""
-        share = timeout / len(self._lines)
-        for line in self._lines:
-            while (frame := line.wire.receive(share)) is not None:
-                if 0x700 < frame[0] < 0x780:
-                    for drive in line.drives:
-                        drive.hears_master(frame[0])
-                else:
-                    return Command(line, *frame)
+        """The next command of any bus, waiting for about ``timeout`` [s]; heartbeats are heard in passing."""
+        talkative = max(1, sum(bool(line.drives) for line in self._lines))
+        rounds = 1 if talkative == 1 else max(1, round(timeout / talkative / _POLL))
+        for _ in range(rounds):
+            for line in self._lines:
+                wait = timeout / rounds / talkative if line.drives else 0.0
+                if (command := _next_command(line, wait)) is not None:
+                    return command
         return None
 
     def apply(self, command: Command) -> None:
@@ -148,6 +150,16 @@ class MachineCore:
         first, self.tick = self.tick + 1, self.tick + count
         for line in self._lines:
             line.emit(setpoints, blocks, first, count)
+
+
+def _next_command(line: Line, timeout: float) -> Command | None:
+    while (frame := line.wire.receive(timeout)) is not None:
+        can_id, data = frame
+        if not 0x700 < can_id < 0x780:
+            return Command(line, can_id, data)
+        for drive in line.drives:
+            drive.hears_master(can_id)
+    return None
 
 
 def _unpowered(n: int) -> Setpoint:

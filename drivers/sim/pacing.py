@@ -5,11 +5,11 @@ In lock-step time stands still while the machine waits for the master, and flies
 - Frozen, the machine takes commands one by one, each at the same machine time whatever the wall clock says. SDO
   costs no time. A command that others can see is followed by ``answer_s`` in which they see it; enabling or moving
   an axis by ``rest_s``, which begins again when the axis has come to rest.
-- While time passes, commands are kept for the next halt. At once, in mid-move, go only those that stop an axis
-  or merely read. After a set-point there is one more halt, for the master to answer the acknowledgement (bit 12).
+- While time passes, commands are kept for the next halt. At once go only, in mid-move, those that stop an axis or
+  merely read. After a set-point there is one more halt, for the master to answer the acknowledgement (bit 12).
   A halt waits for the other enabled drives' set-points too, so that the sides of a gantry start together.
 - A master that says nothing for ``patience_s`` of wall time, having read all frames, is waiting for time to pass:
-  it is given ``idle_s``.
+  it is given ``idle_s``. Where nobody listens at all, time stands still.
 
 So the machine time at which a command takes effect does not depend on the threads' luck, as long as a master that
 is not waiting for bus time answers within ``patience_s``, and waits for bus time no longer than ``rest_s`` after a
@@ -37,6 +37,12 @@ BLOCK = 5
 REST_BLOCK = 20
 """The same where no axis moves and all commands are kept for the halt; saves two thirds of the work."""
 
+_WAIT = 0.01
+"""Length of one wait for a command [s of wall time]; a busy PC stretches it, as it does the master's reactions."""
+
+_DIGESTION = 0.002
+"""Wall time [s] that a listener is given at a halt to deal with the last frames it took; chosen: a batch of them."""
+
 _SLIP = 0.25
 """A paced machine that is later than this [s] was stopped with its PC: its clock slips instead of racing."""
 
@@ -50,16 +56,17 @@ class Timing:
     rest_s : chosen longer than the rest before a step (0.35 s) plus settling, so that a run never idles
     answer_s : ten SYNCs show what a command did
     idle_s : shorter than any time limit of the master
-    patience_s : many times the reaction time of a master's thread on a busy PC
+    patience_s : counted in waits that a busy PC stretches; a hundred times a master's reaction time
     switch_on_s : a master that only listens sees the machine boot after this
     deaf_s : a listener that read nothing for so long is no longer waited for
-    window : frames that the slowest listener may be behind; about 20 ms of one axis
+    window : frames that the slowest listener may be behind while an axis moves, about 20 ms of one axis; eight
+        times as many at rest, where nobody must react
     """
 
-    rest_s: float = 0.45
+    rest_s: float = 0.5
     answer_s: float = 0.01
     idle_s: float = 0.25
-    patience_s: float = 0.25
+    patience_s: float = 0.12
     switch_on_s: float = 1.0
     deaf_s: float = 5.0
     window: int = 64
@@ -78,15 +85,17 @@ class LockStep:
         self._await_first_command()
         self._pass(self._timing.answer_s)
         while not self._stop.is_set():
+            if not self._held and not self._core.listened_to:
+                self._await_first_command()
             self._pass(self._halt())
 
     # -- time stands still
 
     def _await_first_command(self) -> None:
-        """The machine is switched on by the master's first command, or for a listener that says nothing."""
+        """Nobody is there: time stands still until a master's first command, or for a listener without a word."""
         deadline = None
         while not self._stop.is_set() and (deadline is None or time.monotonic() < deadline):
-            if (command := self._core.receive(timeout=0.01)) is not None:
+            if (command := self._core.receive(_WAIT)) is not None:
                 self._held.append(command)
                 return
             if deadline is None and self._core.listened_to:
@@ -94,6 +103,7 @@ class LockStep:
 
     def _halt(self) -> float:
         """Take commands until one of them, or their absence, asks for time; how much [s]."""
+        self._let_listeners_finish()
         while (command := self._next_command()) is not None:
             before, moves, powered = self._core.situation, self._core.moves, self._core.powered
             self._core.apply(command)
@@ -104,7 +114,7 @@ class LockStep:
                 return self._timing.rest_s
             if self._core.situation != before:
                 return self._timing.answer_s
-        return self._timing.idle_s
+        return self._timing.idle_s if self._core.listened_to else 0.0
 
     def _let_others_join(self) -> None:
         while self._core.waiting_to_join and (command := self._next_command()) is not None:
@@ -113,16 +123,20 @@ class LockStep:
         while self._core.acknowledging and (command := self._next_command()) is not None:
             self._core.apply(command)
 
+    def _let_listeners_finish(self) -> None:
+        """A master with several threads has seen all of the past, on every bus, before it hears an answer."""
+        self._await_listeners(allowed=0)
+        self._stop.wait(_DIGESTION)
+
     def _next_command(self) -> Command | None:
-        """The next command; None when the master, who has read everything, keeps silent or we must stop."""
+        """The next command; None when the master keeps silent or leaves, or we must stop."""
         if self._held:
             return self._held.popleft()
-        started = read_at = time.monotonic()
-        while not self._stop.is_set() and time.monotonic() - read_at < self._timing.patience_s:
-            if (command := self._core.receive(timeout=0.01)) is not None:
+        for _ in range(round(self._timing.patience_s / _WAIT)):
+            if self._stop.is_set() or not self._core.listened_to:
+                break
+            if (command := self._core.receive(_WAIT)) is not None:
                 return command
-            if self._core.backlog and not self._deaf and time.monotonic() - started < self._timing.deaf_s:
-                read_at = time.monotonic()
         return None
 
     # -- time passes
@@ -134,7 +148,7 @@ class LockStep:
         rest = round(self._timing.rest_s / TICK) if duration > self._timing.answer_s else 0
         while core.tick < end and not self._stop.is_set():
             self._serve_urgent()
-            self._await_listeners()
+            self._await_listeners(self._timing.window * (1 if core.moving else 8))
             ticks = min(BLOCK if core.moving else REST_BLOCK, end - core.tick)
             self._await_heartbeat(ticks)
             core.step(ticks)
@@ -143,18 +157,17 @@ class LockStep:
 
     def _serve_urgent(self) -> None:
         while (command := self._core.receive(timeout=0.0)) is not None:
-            if not self._core.is_urgent(command):
+            if not (self._core.moving and self._core.is_urgent(command)):
                 self._held.append(command)
-            elif self._core.moving or command.can_id >= 0x600:
-                # what was kept for the halt is older than the stop and must not revive the axis after it
-                self._held = deque(c for c in self._held if c.can_id != command.can_id)
-                self._core.apply(command)
-            else:
-                self._held.append(command)
+                continue
+            # what was kept for the halt is older than a stop and must not revive the axis after it
+            self._held = deque(c for c in self._held if c.can_id != command.can_id)
+            self._core.apply(command)
 
-    def _await_listeners(self) -> None:
+    def _await_listeners(self, allowed: int) -> None:
+        """Stand still while a listener is more than ``allowed`` frames behind, unless it is deaf."""
         deadline = time.monotonic() + self._timing.deaf_s
-        while self._core.backlog > self._timing.window:
+        while self._core.backlog > allowed:
             if self._deaf or self._stop.is_set():
                 return
             time.sleep(0.0005)
