@@ -37,11 +37,15 @@ ALIVE_PERIOD = 0.2
 
 
 class MotionError(RuntimeError):
-    """The run could not be carried out; ``kind`` names the class of the fault in the motion process."""
+    """The run could not be carried out; ``kind`` names the class of the fault in the motion process.
 
-    def __init__(self, kind: str, message: str) -> None:
+    ``bus_log`` is what was on the buses until then, as a BLF file; empty where nothing was heard.
+    """
+
+    def __init__(self, kind: str, message: str, bus_log: bytes = b"") -> None:
         super().__init__(message)
         self.kind = kind
+        self.bus_log = bus_log
 
 
 class MotionClient(AbstractContextManager["MotionClient"]):
@@ -69,10 +73,11 @@ class MotionClient(AbstractContextManager["MotionClient"]):
         ------
         MotionError : the drive, a sensor, the bus or the motion process itself failed; nothing was recorded.
         """
-        self._abort = False
         connection = self._connected()
         try:
             connection.send(Execute(group))
+            if self._abort:
+                connection.send(Abort())
             return self._await_recording(connection, on_progress)
         except (EOFError, OSError) as error:
             self._reap()
@@ -83,7 +88,7 @@ class MotionClient(AbstractContextManager["MotionClient"]):
             ) from error
 
     def abort(self) -> None:
-        """Ask the run that is under way to stop by quick stop."""
+        """Stop the run that is under way, and any later one at its beginning: the service is ending."""
         self._abort = True
 
     def close(self) -> None:
@@ -105,8 +110,8 @@ class MotionClient(AbstractContextManager["MotionClient"]):
                     connection.send(Abort() if self._abort else Alive())
                 case Recorded() as recorded:
                     return recorded
-                case Failed(kind, message):
-                    raise MotionError(kind, message)
+                case Failed(kind, message, bus_log):
+                    raise MotionError(kind, message, bus_log)
 
     def _connected(self) -> Connection:
         if self._process is not None and not self._process.is_alive():

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from drivers.accelerometer import Accelerometer, AccelerometerConfig
 from drivers.bus import Bus, BusConfig
+from drivers.buslog import blf
 from drivers.drive import Drive, DriveConfig, DriveMove, start_together
 from drivers.errors import DriverError
 from drivers.trace import Frames, Recorder
@@ -45,6 +46,7 @@ class BusMachine:
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
+        self._logs: list[Recorder] = []
 
     def execute(
         self, group: str, guard: Callable[[], None], on_progress: Callable[[Progress], None]
@@ -57,8 +59,10 @@ class BusMachine:
         NotPermitted : the axes have no room for the steps.
         """
         axes = [self._settings.axis_named(name) for name in self._settings.groups[group]]
+        self._logs = []
         with ExitStack() as stack:
             buses = self._open_buses(stack, axes)
+            self._logs = [stack.enter_context(bus.recording()) for bus in buses.values()]
             stations = self._connect(stack, buses, axes)
             plan = plan_steps(axes, self._settings.excitation, _positions(stations))
             recorders = {name: stack.enter_context(bus.recording()) for name, bus in buses.items()}
@@ -66,6 +70,10 @@ class BusMachine:
             _await_recorders(buses, recorders, moves[-1].end)
             frames = {name: recorder.frames() for name, recorder in recorders.items()}
             return self._decode(stations, plan, moves, frames)
+
+    def bus_log(self) -> bytes:
+        """All frames of the last run as BLF, from the connection on, one channel per bus; of a failed run too."""
+        return blf(self._logs) if any(len(log) for log in self._logs) else b""
 
     def _open_buses(self, stack: ExitStack, axes: Sequence[AxisSettings]) -> dict[str, Bus]:
         needed = {name for axis in axes for name in (axis.bus, axis.accelerometer.bus)}

@@ -49,18 +49,26 @@ class Progress:
 
 @dataclass(frozen=True)
 class Recorded:
-    """All steps were made; what was recorded, and what the recorder noticed (lost frames, slow sensor)."""
+    """All steps were made; what was recorded, and what the recorder noticed (lost frames, slow sensor).
+
+    ``bus_log`` is a BLF file of all frames, empty where nothing was heard.
+    """
 
     recording: Recording
     warnings: tuple[str, ...] = ()
+    bus_log: bytes = b""
 
 
 @dataclass(frozen=True)
 class Failed:
-    """The run ended without a recording. ``kind`` names the error class, ``message`` cause and remedy."""
+    """The run ended without a recording. ``kind`` names the error class, ``message`` cause and remedy.
+
+    ``bus_log`` is a BLF file of the frames up to there, empty where nothing was heard.
+    """
 
     kind: str
     message: str
+    bus_log: bytes = b""
 
 
 Request = Execute | Alive | Abort | Shutdown

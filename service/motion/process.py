@@ -10,6 +10,7 @@ import signal
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from multiprocessing.connection import Connection
 from typing import Protocol
 
@@ -33,6 +34,9 @@ class Machine(Protocol):
         self, group: str, guard: Callable[[], None], on_progress: Callable[[Progress], None]
     ) -> Recorded:
         """Make the steps; ``guard`` is called at least every 50 ms and raises to stop them."""
+
+    def bus_log(self) -> bytes:
+        """The frames of the last run as a BLF file, however it ended; empty where nothing was heard."""
 
 
 MachineOpener = Callable[[Settings], AbstractContextManager[Machine]]
@@ -65,9 +69,10 @@ def _serve(connection: Connection, machine: Machine) -> None:
 def _execute(connection: Connection, machine: Machine, group: str) -> Reply:
     guard = _ClientGuard(connection)
     try:
-        return machine.execute(group, guard, connection.send)
+        recorded = machine.execute(group, guard, connection.send)
     except (DriverError, NotPermitted, RunStopped, OSError) as error:
-        return Failed(type(error).__name__, str(error))
+        return Failed(type(error).__name__, str(error), machine.bus_log())
+    return replace(recorded, bus_log=machine.bus_log())
 
 
 def _try_send(connection: Connection, reply: Reply) -> None:
