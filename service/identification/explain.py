@@ -1,0 +1,96 @@
+"""Close the loop: from recordings of a machine to what its declared model lacks, with the error before and after.
+
+One verdict per axis, in the channel that says most: load acceleration against the measured motor motion where
+there are diagnostic moves, else motor minus load, else the torque balance at the motor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from service.identification.axis_explain import explain_axes
+from service.identification.checks import check_recordings
+from service.identification.explanation import AxisExplanation, CannotExplain, Explanation
+from service.identification.regression import RegressionChannel
+from service.identification.regression_explain import explain_regression
+from service.recording import Recording
+
+MIN_MOVES = 4
+"""Moves that a recording needs for a verdict: two in each direction."""
+MIN_ACCELERATION_HZ = 500.0
+
+
+def explain(
+    train: Sequence[Recording], validate: Recording, tell: Callable[[str], None] = lambda _message: None
+) -> Explanation:
+    """What the declared model of each axis lacks.
+
+    Parameters
+    ----------
+    train : recordings that the models are fitted to
+    validate : the recording that judges them; only where the pinion or a position sensor has its zero is found
+        again in it
+    tell : called with a line of progress now and then
+
+    Raises
+    ------
+    CannotExplain : the recordings allow no verdict; the message says why and what to do
+    """
+    check_recordings(train, validate)
+    found: list[AxisExplanation] = []
+    for axes in _groups(validate):
+        found += _explain_group(train, validate, axes, tell)
+    return Explanation(tuple(found))
+
+
+def _groups(validate: Recording) -> list[tuple[str, ...]]:
+    """Axes one by one, the two of a gantry together."""
+    paired = {name for pair in validate.gantry for name in pair}
+    return [*validate.gantry, *((a.name,) for a in validate.axes if a.name not in paired)]
+
+
+def _explain_group(
+    train: Sequence[Recording], validate: Recording, axes: tuple[str, ...], tell: Callable[[str], None]
+) -> list[AxisExplanation]:
+    everything = (*train, validate)
+    if all((a, c) in r.traces for r in everything for a in axes for c in ("motor_speed", "acceleration")):
+        _moves_allow(everything, axes)
+        return list(explain_axes(train, validate, axes, tell))
+    found = []
+    for axis in axes:
+        one = _explain_regression(train, validate, axis, tell)
+        if one is None:
+            raise CannotExplain(
+                f"axis {axis}: no pair of channels that a residual could be taken of was recorded throughout; "
+                "record motor speed and load acceleration, or a load position, or the motor torque"
+            )
+        found.append(one)
+    return found
+
+
+def _moves_allow(recordings: Sequence[Recording], axes: Sequence[str]) -> None:
+    for number, recording in enumerate(recordings):
+        name = "validate" if number == len(recordings) - 1 else f"train recording {number + 1}"
+        if len(recording.moves) < MIN_MOVES:
+            raise CannotExplain(
+                f"{name} holds {len(recording.moves)} diagnostic moves, at least {MIN_MOVES} are needed to tell a "
+                "model from chance; run the diagnostic steps and record them"
+            )
+        for axis in axes:
+            trace = recording.traces[axis, "acceleration"]
+            rate = (len(trace) - 1) / float(trace.time[-1] - trace.time[0])
+            if rate < 0.9 * MIN_ACCELERATION_HZ:
+                raise CannotExplain(
+                    f"{name}, {axis} acceleration: {rate:.0f} Hz, at least {MIN_ACCELERATION_HZ:.0f} Hz"
+                )
+
+
+def _explain_regression(
+    train: Sequence[Recording], validate: Recording, axis: str, tell: Callable[[str], None]
+) -> AxisExplanation | None:
+    channels: tuple[RegressionChannel, ...] = ("load_position", "load_speed", "motor_torque")
+    for channel in channels:
+        found = explain_regression(train, validate, axis, channel, tell)
+        if found is not None:
+            return found
+    return None

@@ -1,0 +1,151 @@
+"""Forward selection of effects, judged on moves that were not fitted, corrected for the search.
+
+The same rule serves every channel: a ``Trial`` is one fitted model with its held-out errors block by block.
+A candidate is taken when it lowers the held-out error of the validate recording by a material share, and when
+the gain over all held-out blocks is significant after multiplication by the number of candidates tried.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+import numpy as np
+from scipy.stats import ttest_1samp, wilcoxon
+
+from service.identification.explanation import Candidate
+from service.recording import FloatArray
+
+LEVEL = 0.01
+"""False-finding rate per recording, after correction for the search. Chosen below the 2 % that is aimed at."""
+MATERIAL = 0.02
+"""Share of the held-out RMS that an effect must remove to be worth naming (chosen)."""
+MAX_EFFECTS = 4
+
+ModelT = TypeVar("ModelT")
+
+
+@dataclass(frozen=True)
+class Trial(Generic[ModelT]):
+    """A fitted model with its errors: sums of squares (blocks,) on validate and on left-out parts of train.
+
+    ``independent`` is the number of independent samples in the validate residual.
+    """
+
+    model: ModelT
+    train_rms: float
+    validation_rms: float
+    validation_blocks: FloatArray
+    inner_blocks: FloatArray
+    independent: float
+
+    @property
+    def held_out(self) -> FloatArray:
+        return np.concatenate([self.validation_blocks, self.inner_blocks])
+
+
+@dataclass(frozen=True)
+class Selection(Generic[ModelT]):
+    """Outcome: the first and the last trial, effects in order of taking, all candidates, and rivals."""
+
+    before: Trial[ModelT]
+    after: Trial[ModelT]
+    effects: tuple[str, ...]
+    candidates: tuple[Candidate, ...]
+    rivals: tuple[tuple[str, str], ...]
+
+
+def gain_p_value(before: Trial[ModelT], after: Trial[ModelT]) -> float:
+    """Probability of such a gain by chance over the held-out blocks, one-sided.
+
+    The best of three: a paired t-test, which sees a large gain in few blocks; a signed-rank test (Wilcoxon
+    1945), which sees a small one in all; and the likelihood ratio of the frozen predictions, whose inverse
+    bounds the probability (Markov's inequality) for as many samples as are independent. Tripled for that.
+    """
+    gain = before.held_out - after.held_out
+    if not np.isfinite(gain).all() or np.allclose(gain, 0.0, atol=1e-12 * float(before.held_out.sum())):
+        return 1.0
+    by_rank = float(wilcoxon(gain, alternative="greater").pvalue)
+    by_mean = float(ttest_1samp(gain, 0.0, alternative="greater").pvalue)
+    samples = min(before.independent, after.independent)
+    evidence = samples * np.log(before.validation_rms / max(after.validation_rms, 1e-300))
+    return min(1.0, 3.0 * min(by_rank, by_mean, float(np.exp(-max(0.0, evidence)))))
+
+
+def independent_samples(errors: FloatArray) -> float:
+    """How many samples of a residual (n,) count, by its lag-one correlation (AR(1))."""
+    rho = float(np.clip(np.corrcoef(errors[:-1], errors[1:])[0, 1], 0.0, 0.999))
+    return len(errors) * (1.0 - rho) / (1.0 + rho)
+
+
+def select(
+    before: Trial[ModelT],
+    propose: Callable[[Trial[ModelT], tuple[str, ...]], Mapping[str, Trial[ModelT]]],
+    refine: Callable[[Trial[ModelT]], Trial[ModelT]] = lambda trial: trial,
+    tell: Callable[[str], None] = lambda _message: None,
+    challenge: Callable[[Trial[ModelT], Trial[ModelT]], Trial[ModelT]] = lambda present, _best: present,
+    material: float = MATERIAL,
+    enough: float = 0.0,
+) -> Selection[ModelT]:
+    """Add effects one after the other until none is significant and material.
+
+    ``propose(trial, taken)`` returns the fitted trial of every candidate added to the present model;
+    ``refine`` refits the one that was taken together with those before it; ``challenge(present, best)`` gives
+    the present model another chance from where the best candidate ended, so that no effect is named for having
+    led the fit out of a poor valley. ``material`` is the share of the held-out RMS that an effect must remove,
+    ``enough`` the held-out RMS at which nothing is left to explain.
+    """
+    present: Trial[ModelT] = before
+    taken: tuple[str, ...] = ()
+    first = before
+    log: list[Candidate] = []
+    rivals: list[tuple[str, str]] = []
+    while len(taken) < MAX_EFFECTS and present.validation_rms > enough:
+        trials = propose(present, taken)
+        present = challenge(present, min(trials.values(), key=lambda trial: trial.validation_rms))
+        first = first if taken else present
+        judged = {n: _judge(n, present, trial, len(trials), material) for n, trial in trials.items()}
+        passed = [name for name, candidate in judged.items() if candidate.accepted]
+        if not passed:
+            log = [c for c in log if c.effect not in judged] + list(judged.values())
+            break
+        best = min(passed, key=lambda name: trials[name].validation_rms)
+        log = [c for c in log if c.effect not in judged]
+        log += [_only(best, candidate) for candidate in judged.values()]
+        rivals += [(best, name) for name in passed if name != best and _alike(trials[best], trials[name])]
+        present, taken = refine(trials[best]), (*taken, best)
+        tell(f"{best}: held-out RMS {present.validation_rms:.4g}")
+    return Selection(first, present, taken, tuple(log), tuple(rivals))
+
+
+def _only(best: str, candidate: Candidate) -> Candidate:
+    """The candidate as it is logged: only the best of a round is taken."""
+    if candidate.effect == best or not candidate.accepted:
+        return candidate
+    why = f"significant, but {best} explains more"
+    return Candidate(candidate.effect, candidate.validation_rms, candidate.p_value, False, why)
+
+
+def _judge(name: str, before: Trial[ModelT], after: Trial[ModelT], tried: int, share: float) -> Candidate:
+    p_value = min(1.0, tried * gain_p_value(before, after))
+    material = after.validation_rms < (1.0 - share) * before.validation_rms
+    honest = after.inner_blocks.sum() <= before.inner_blocks.sum()
+    if not material:
+        gained = after.train_rms < before.train_rms
+        worse = after.validation_rms > before.validation_rms
+        why = "lowers the train error and raises the held-out one" if gained and worse else "no material gain"
+    elif not honest:
+        why = "gains nothing on left-out parts of the train recordings"
+    elif p_value >= LEVEL:
+        why = "gain within what chance does"
+    else:
+        why = "significant and material on held-out moves"
+    accepted = bool(material and honest and p_value < LEVEL)
+    return Candidate(name, after.validation_rms, p_value, accepted, why)
+
+
+def _alike(best: Trial[ModelT], other: Trial[ModelT]) -> bool:
+    """Two explanations are alike when neither has the smaller held-out error beyond chance and 2 %."""
+    close = other.validation_rms < (1.0 + MATERIAL) * best.validation_rms
+    return bool(close and gain_p_value(other, best) > LEVEL)
