@@ -232,6 +232,8 @@ class Bus:
                 self._can.send(message)
         except (can.CanError, OSError) as error:
             raise self._send_failure(error) from error
+        for recorder in self._recorders:
+            recorder.append_sent(can_id, data)
 
     def _send_failure(self, error: Exception) -> BusLost | BusOverloaded:
         full = getattr(error, "error_code", None) == _ENOBUFS or "buffer full" in str(error)
@@ -248,7 +250,7 @@ class Bus:
 
     @contextlib.contextmanager
     def recording(self) -> Iterator[Recorder]:
-        """Record every frame while inside."""
+        """Record every frame while inside, those we send apart from those received."""
         recorder = Recorder()
         self._recorders = (*self._recorders, recorder)
         try:

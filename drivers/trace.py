@@ -81,16 +81,21 @@ class Frames:
 
 
 class Recorder:
-    """Collects every frame of a bus; filled by the receive loop, read by anybody."""
+    """Collects every frame of a bus, and apart from them those we sent; read by anybody."""
 
     def __init__(self) -> None:
         self._records = bytearray()
+        self._sent = bytearray()
         self._latest = -np.inf
 
     def append(self, batch: Sequence[Frame]) -> None:
         """Take a batch over; called by the receive loop only."""
         self._records += b"".join([_pack(time, can_id, len(data), data) for time, can_id, data in batch])
         self._latest = batch[-1][0]
+
+    def append_sent(self, can_id: int, data: bytes) -> None:
+        """Note a frame that we sent, at the time of the last one received; from any thread."""
+        self._sent += _pack(self._latest, can_id, len(data), data)
 
     @property
     def latest(self) -> float:
@@ -103,3 +108,7 @@ class Recorder:
     def frames(self) -> Frames:
         """Everything so far. A copy: the loop may go on appending."""
         return Frames(np.frombuffer(bytes(self._records), dtype=FRAME_DTYPE))
+
+    def sent(self) -> Frames:
+        """What we sent so far; -inf stands for the time of what was sent before anything was received."""
+        return Frames(np.frombuffer(bytes(self._sent), dtype=FRAME_DTYPE))

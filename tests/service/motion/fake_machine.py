@@ -27,6 +27,9 @@ class FakeMachine:
             time.sleep(0.01)
         return Recorded(Recording(machine=group, axes=(), traces={}))
 
+    def bus_log(self) -> bytes:
+        return b"frames"
+
 
 @contextmanager
 def open_fake(settings: Settings) -> Iterator[FakeMachine]:

@@ -33,13 +33,14 @@ def test_a_run_reports_progress_and_returns_its_recording(client: MotionClient) 
     seen: list[int] = []
     recorded = client.execute("good", lambda progress: seen.append(progress.done))
     assert recorded.recording.machine == "good"
+    assert recorded.bus_log == b"frames"
     assert seen == [0, 1, 2]
 
 
 def test_a_fault_is_reported_by_its_name_and_the_next_run_is_possible(client: MotionClient) -> None:
     with pytest.raises(MotionError, match="0x7305") as caught:
         client.execute("fault")
-    assert caught.value.kind == "DriverError"
+    assert (caught.value.kind, caught.value.bus_log) == ("DriverError", b"frames")
     assert client.execute("good").recording.machine == "good"
 
 
