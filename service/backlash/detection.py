@@ -44,6 +44,10 @@ an impact can be as high as the blow itself, but no rise before it is half as hi
 GAMMA_T1_NOISE = 4.0
 """gamma_t1 over the noise of d at standstill: passed by chance once in 16,000 samples."""
 
+GAMMA_T1_SAMPLE = 0.1
+"""Least gamma_t1, over what d falls in one sampling time at j_lim: a tenth of a sample, the best a crossing between
+samples can mean; it counts where there is no noise."""
+
 GAMMA_T2_SHARE = 0.5
 """gamma_t2 over the largest d: eq. (12)."""
 
@@ -99,7 +103,7 @@ def find_pass(signals: StepSignals, noise: float) -> Pass | Refusal:
     """The pass of the gap in one step, or why there is none to be seen; noise of d at standstill [m/s²]."""
     d = signals.difference
     bottom, top = _blow(d, np.flatnonzero(signals.within(*SEARCH)))
-    gamma_t1 = GAMMA_T1_NOISE * noise
+    gamma_t1 = max(GAMMA_T1_NOISE * noise, GAMMA_T1_SAMPLE * signals.move.jerk * signals.speed.period)
     refusal = _events(d[bottom], d[top], gamma_t1)
     if refusal:
         return refusal

@@ -19,12 +19,12 @@ Symbols: t1, t2 the flanks part and meet; b the backlash; SL, j_lim length and j
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from service.backlash import plausibility
-from service.backlash.alignment import LARGEST, skew, softness
+from service.backlash.alignment import LARGEST, SMALLEST, lag, softness
 from service.backlash.averaging import FEWEST_STEPS, Average, StepValue, average, outlier, too_few, unsure
 from service.backlash.detection import SEARCH, Pass, find_pass, run_noise
 from service.backlash.integration import parted
@@ -50,7 +50,7 @@ def paper(recording: Recording, axis: str) -> AxisResult:
     refusal = refusal or plausibility.moved(list(whole.values())) or paired(recording, axis)
     if refusal:
         return _refused(axis, refusal)
-    tau = skew(list(whole.values()))
+    tau = _skew(recording, axis, list(whole.values()))
     if abs(tau) > LARGEST:
         return _refused(axis, _far_off(tau))
     return _judged(recording, axis, _values(recording, axis, tau), tau)
@@ -65,11 +65,26 @@ def _signals(recording: Recording, axis: str, tau: float) -> dict[int, StepSigna
     return {step.index: step for step in steps if step is not None}
 
 
-def _values(recording: Recording, axis: str, tau: float) -> list[tuple[StepValue, Pass] | Refusal]:
-    """b of every step with its pass, or why there is none; noise and softness are those of the whole run."""
-    steps = _signals(recording, axis, tau)
+def _passes(steps: Mapping[int, StepSignals]) -> dict[int, Pass | Refusal]:
+    """The pass of every step, by index; gamma_t1 is the same for the whole run."""
     noise = run_noise(list(steps.values()))
-    passes = {index: find_pass(signals, noise) for index, signals in steps.items()}
+    return {index: find_pass(signals, noise) for index, signals in steps.items()}
+
+
+def _skew(recording: Recording, axis: str, whole: Sequence[StepSignals]) -> float:
+    """τ [s] of the accelerometer's stamps: roughly, then without the passes; 0 where too small to be told."""
+    tau = lag(whole)
+    if abs(tau) > LARGEST:
+        return tau
+    steps = _signals(recording, axis, tau)
+    tau += lag(list(steps.values()), {i: p for i, p in _passes(steps).items() if isinstance(p, Pass)})
+    return tau if abs(tau) > SMALLEST else 0.0
+
+
+def _values(recording: Recording, axis: str, tau: float) -> list[tuple[StepValue, Pass] | Refusal]:
+    """b of every step with its pass, or why there is none; the drive's softness is that of the whole run."""
+    steps = _signals(recording, axis, tau)
+    passes = _passes(steps)
     c = softness([(steps[index], found) for index, found in passes.items() if isinstance(found, Pass)])
     gantry = recording.partner(axis) is not None
     return [

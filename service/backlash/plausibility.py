@@ -136,7 +136,7 @@ def _longest(flags: BoolArray) -> int:
 
 def moved(steps: Sequence[StepSignals]) -> Refusal | None:
     """Refuse a run in which the motor did not make the commanded steps, or the load not the motor's motion."""
-    return (_stale(steps) or _motor(steps) or _profile(steps) or _load(steps)) if steps else None
+    return (_motor(steps) or _profile(steps) or _stale(steps) or _load(steps)) if steps else None
 
 
 def _stale(steps: Sequence[StepSignals]) -> Refusal | None:

@@ -1,0 +1,54 @@
+"""Swapped accelerometers of a gantry: found by the blows, on machines simulated with two different gaps."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from service.backlash.pairing import paired
+from service.backlash.paper import paper
+from service.backlash.results import Reason
+from service.dynamics.parameters import AxisParameters, GantryParameters, Machine
+from service.dynamics.simulation import simulate, ten_steps
+from service.recording import AxisDescription, Recording, Trace
+
+
+@pytest.fixture(scope="module", params=[(20e-6, 90e-6, 5e6), (120e-6, 40e-6, 4e7)])
+def gantry(request: pytest.FixtureRequest) -> Recording:
+    """A simulated gantry with gaps b of both sides and a bridge of stiffness k."""
+    first, second, k = request.param
+    axes = {"X1": AxisParameters(b=first), "X2": AxisParameters(b=second, M=330.0)}
+    run = simulate(Machine(axes, (GantryParameters("X1", "X2", k=k),)), ten_steps(count=4))
+    noise = np.random.default_rng(5)
+    traces = {}
+    for name in axes:
+        measured = run.axes[name].measured
+        load = measured.load_acceleration[1::4] + noise.normal(0.0, 0.03, len(run.time[1::4]))
+        traces[name, "motor_speed"] = Trace(run.time[7::8], measured.motor_speed[7::8])
+        traces[name, "acceleration"] = Trace(run.time[1::4], load)
+    described = tuple(AxisDescription(name, axis.transmission) for name, axis in axes.items())
+    return Recording("simulated", described, traces, run.moves, (("X1", "X2"),))
+
+
+def swapped(source: Recording, channel: str) -> Recording:
+    traces = dict(source.traces)
+    traces["X1", channel], traces["X2", channel] = traces["X2", channel], traces["X1", channel]
+    return replace(source, traces=traces)
+
+
+@pytest.mark.parametrize("axis", ["X1", "X2"])
+def test_sensors_in_their_places_are_accepted(gantry: Recording, axis: str) -> None:
+    assert paired(gantry, axis) is None
+
+
+@pytest.mark.parametrize("axis", ["X1", "X2"])
+@pytest.mark.parametrize("channel", ["acceleration", "motor_speed"])
+def test_swapped_sensors_are_refused(gantry: Recording, channel: str, axis: str) -> None:
+    assert paper(swapped(gantry, channel), axis).reason is Reason.SENSORS_SWAPPED
+
+
+def test_without_the_partner_nothing_can_be_said(gantry: Recording) -> None:
+    alone = replace(gantry, traces={key: t for key, t in gantry.traces.items() if key[0] == "X1"})
+    assert paired(alone, "X1") is None
