@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
+import can
 import pytest
 from fastapi.testclient import TestClient
 
@@ -62,6 +63,19 @@ def test_the_capture_is_kept_under_its_checksum_and_gives_the_same_value_again(
     assert [result.backlash for result in again] == [result.backlash for result in stored]
 
 
+def test_the_bus_log_lies_beside_the_capture(opened: House, checked: int) -> None:
+    """It holds the whole conversation: the order to go (0x5F to node 3) ten times, and every SYNC of the steps."""
+    record = opened.repository.run(checked)
+    assert record.capture is not None
+    path = (opened.settings.storage.captures / record.capture.path).with_suffix(".blf")
+    with can.BLFReader(path) as log:
+        frames = [(m.channel, m.arbitration_id, m.is_rx, bytes(m.data)) for m in log]
+    orders = [data for _, can_id, received, data in frames if can_id == 0x203 and not received]
+    assert sum(data[:2] == b"\x5f\x00" for data in orders) == 10
+    assert sum(can_id == 0x080 for _, can_id, *_ in frames) > 10 * (350 + 86)
+    assert {channel for channel, can_id, *_ in frames if can_id == 0x303} == {1}
+
+
 def test_the_api_tells_value_interval_and_alarm_state(api: TestClient, checked: int) -> None:
     axis = api.get("/api/v1/axes/Y").json()
     assert axis["current"]["run_id"] == checked
@@ -103,6 +117,9 @@ def test_a_faulty_machine_never_leaves_a_value(
         record = flankwatch.repository.run(run(flankwatch, "Y"))
         assert (record.state, record.reason) == (state, reason)
         assert record.detail
+        (log,) = settings.storage.captures.rglob(f"*-Y-{record.id}.blf")
+        with can.BLFReader(log) as frames:
+            assert any(frame.arbitration_id == 0x583 for frame in frames)  # the drive's answers to SDO
         assert flankwatch.repository.history("Y").b.size == 0
 
 
