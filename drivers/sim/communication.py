@@ -78,7 +78,9 @@ class MasterWatch:
         return True
 
     def pass_time(self, ticks: int) -> None:
-        if self.silence is not None:
+        if self.limit == 0:
+            self.silence = None  # CiA 301: the watch begins anew with the first heartbeat after 0x1016 is set
+        elif self.silence is not None:
             self.silence += ticks
 
     def lost(self) -> bool:

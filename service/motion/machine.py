@@ -112,8 +112,9 @@ class BusMachine:
     def _decode(
         self, stations: Sequence[_Station], plan: Plan, moves: Sequence[Move], frames: Mapping[str, Frames]
     ) -> Recorded:
-        """Place the samples by their counters and cut them by the moves' times."""
+        """Cut by the moves' times, never by the moment the recorders began; place the samples by counters."""
         start, end = moves[0].start - plan.rest, moves[-1].end + plan.rest
+        frames = {bus: all_frames.between(start, end) for bus, all_frames in frames.items()}
         traces: dict[tuple[str, str], Trace] = {}
         warnings: list[str] = []
         for station in stations:

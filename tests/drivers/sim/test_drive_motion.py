@@ -226,6 +226,16 @@ def test_the_other_reactions_to_a_lost_master(bench, option, state, powered):
     assert bench.physics.history["X1"][-1].enabled is powered
 
 
+def test_a_watch_set_anew_waits_for_its_first_heartbeat(bench):
+    """CiA 301: what passed while 0x1016 was 0 does not count, however long the master was away."""
+    bench.enable()
+    bench.send("77f#05")
+    bench.write(0x1016, 1, 0, 4)
+    bench.step(2000)
+    bench.write(0x1016, 1, 127 << 16 | 300, 4)
+    assert of(bench.step(1000), 0x085) == []
+
+
 def test_the_error_of_the_lost_master_goes_when_it_is_back(bench):
     bench.enable()
     beat_then_start_a_long_move(bench)
