@@ -315,13 +315,13 @@ class Bus:
                 self._take(batch)
 
     def _lose(self, error: Exception) -> None:
-        self._counts["receive_errors"] += 1
         self._last_error = str(error)
         log.error(
             "%s: receiving failed (%s); closing the bus and opening it again", self.config.channel, error
         )
         self._dropped_before = self._counts["dropped"]
         self._detach()
+        self._counts["receive_errors"] += 1
 
     def _reopen(self) -> None:
         try:
