@@ -55,9 +55,11 @@ def diagnostic_run(workshop: Workshop, run: RunRecord, on_progress: Callable[[Pr
     try:
         recorded = workshop.motion.execute(run.group, on_progress)
         capture = keep_capture(workshop, run, recorded.recording)
+        keep_bus_log(workshop, run, recorded.bus_log, Path(capture.path))
         on_progress(Progress(0, 0, "estimate the backlash"))
         results = workshop.analysis(workshop.captures / capture.path, capture.sha256)
     except MotionError as error:
+        keep_bus_log(workshop, run, error.bus_log, _capture_name(run, workshop.wall_time()))
         return _failed(workshop, run, error.kind, str(error), capture)
     except (AnalysisError, CaptureError, OSError) as error:
         return _failed(workshop, run, type(error).__name__, str(error), capture)
@@ -67,10 +69,29 @@ def diagnostic_run(workshop: Workshop, run: RunRecord, on_progress: Callable[[Pr
 def keep_capture(workshop: Workshop, run: RunRecord, recording: Recording) -> CaptureFile:
     """Write the recording as a capture; the path is relative to the folder of captures."""
     now = workshop.wall_time()
-    name = Path(f"{now:%Y}") / f"{now:%Y%m%dT%H%M%SZ}-{run.group}-{run.id}.parquet"
+    name = _capture_name(run, now)
     path = workshop.captures / name
     path.parent.mkdir(parents=True, exist_ok=True)
     return CaptureFile(str(name), write_capture(replace(recording, recorded_at=now), path))
+
+
+def keep_bus_log(workshop: Workshop, run: RunRecord, bus_log: bytes, capture: Path) -> None:
+    """Write the bus log beside the capture, or where it would have been; without it the run is none the worse."""
+    if not bus_log:
+        return
+    path = (workshop.captures / capture).with_suffix(".blf")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(bus_log)
+    except OSError:
+        log.exception("the bus log of run %d could not be written", run.id)
+    else:
+        log.info("the bus log of run %d is %s", run.id, path)
+
+
+def _capture_name(run: RunRecord, at: datetime) -> Path:
+    """Where in the folder of captures the run's capture belongs."""
+    return Path(f"{at:%Y}") / f"{at:%Y%m%dT%H%M%SZ}-{run.group}-{run.id}.parquet"
 
 
 def judge_result(
