@@ -62,6 +62,8 @@ class AccelerometerConfig:
     nominal_rate : samples per second [Hz]
     direction : +1 where the sensor's axis points along positive travel, else -1
     to_si : [m/s²] per unit of the DBC's physical value (1 for m/s², 9.80665 for g)
+    delay : from the middle of a sample's interval to the arrival of the frame that ends with it [s]: half a sample,
+        the filter's group delay, and the frame's time on the wire
     dbc : None for the default contract
     """
 
@@ -71,6 +73,7 @@ class AccelerometerConfig:
     nominal_rate: float = 4000.0
     direction: Literal[1, -1] = 1
     to_si: float = 1.0
+    delay: float = 0.0
     dbc: Path | None = None
     roles: RoleMap = field(default_factory=RoleMap)
 
@@ -255,7 +258,7 @@ def decode(frames: Frames, config: AccelerometerConfig, decoder: Decoder) -> Acc
     sample = index[:, None] + np.arange(decoder.samples_per_frame)
     kept = ~(invalid | clipped)
     return AccelerometerRecord(
-        acceleration=Trace(timebase.time(sample[kept]), decoder.acceleration(counts)[kept]),
+        acceleration=Trace(timebase.time(sample[kept]) - config.delay, decoder.acceleration(counts)[kept]),
         timebase=timebase,
         lost=decoder.samples_per_frame * lost_between(index, decoder.samples_per_frame),
         invalid=int(invalid.sum()),

@@ -100,6 +100,7 @@ class AccelerometerSettings(_Section):
     time_id: CanId
     nominal_rate_hz: float = Field(default=4000.0, ge=500.0, le=20_000.0)
     sign: Literal[1, -1] = 1
+    latency_us: float = Field(default=0.0, ge=0.0, le=10_000.0)
     dbc: Path | None = None
 
 

@@ -47,6 +47,10 @@ FRAME_LOSS = 0.0005
 """Share of the accelerometers' frames that are lost on the way."""
 
 
+SENSOR_LATENCY_US = 200.0
+"""Filter and processing of the simulated accelerometers, as their data sheet would say."""
+
+
 @contextmanager
 def open_demo(
     settings: Settings,
@@ -168,7 +172,12 @@ def _axis(name: str, node_id: int, sync_producer: bool = False) -> dict[str, obj
         "acceleration_limit_m_s2": 10.0,
         "reference_um": round(TRUTH[name] * 1e6),
         "tolerance_um": 20.0,
-        "accelerometer": {"bus": "sensors", "data_id": 0x300 + node_id, "time_id": 0x310 + node_id},
+        "accelerometer": {
+            "bus": "sensors",
+            "data_id": 0x300 + node_id,
+            "time_id": 0x310 + node_id,
+            "latency_us": SENSOR_LATENCY_US,
+        },
     }
 
 

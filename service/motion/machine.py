@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from drivers.accelerometer import Accelerometer, AccelerometerConfig
 from drivers.bus import Bus, BusConfig
+from drivers.busload import frame_bits
 from drivers.buslog import blf
 from drivers.drive import Drive, DriveConfig, DriveMove, start_together
 from drivers.errors import DriverError
@@ -100,7 +101,10 @@ class BusMachine:
             drives[axis.name] = stack.enter_context(Drive(buses[axis.bus], config, stop_all))
         stations = []
         for axis in axes:
-            sensor = Accelerometer(buses[axis.accelerometer.bus], _accelerometer_config(axis))
+            sensor = Accelerometer(
+                buses[axis.accelerometer.bus],
+                _accelerometer_config(axis, self._bus_settings(axis.accelerometer.bus)),
+            )
             stack.callback(sensor.close)
             sensor.wait_alive()
             stations.append(_Station(axis, drives[axis.name], sensor))
@@ -237,7 +241,8 @@ def _drive_config(axis: AxisSettings, bus: BusSettings) -> DriveConfig:
     )
 
 
-def _accelerometer_config(axis: AxisSettings) -> AccelerometerConfig:
+def _accelerometer_config(axis: AxisSettings, bus: BusSettings) -> AccelerometerConfig:
+    """The sensor; its delay is what the data sheet says, half a sample, and the frame's time on the wire."""
     sensor = axis.accelerometer
     return AccelerometerConfig(
         name=f"{axis.name}'s accelerometer",
@@ -245,6 +250,7 @@ def _accelerometer_config(axis: AxisSettings) -> AccelerometerConfig:
         time_id=sensor.time_id,
         nominal_rate=sensor.nominal_rate_hz,
         direction=sensor.sign,
+        delay=sensor.latency_us * 1e-6 + 0.5 / sensor.nominal_rate_hz + frame_bits(8) / bus.bitrate,
         dbc=sensor.dbc,
     )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import logging
 import struct
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -58,6 +59,12 @@ def test_positive_travel_is_positive_whichever_way_the_sensor_points() -> None:
 def test_a_dbc_in_g_is_made_si() -> None:
     found = record(data_frames(100), dataclasses.replace(CONFIG, to_si=9.80665))
     assert found.acceleration.value[1] == pytest.approx(LSB * 9.80665)
+
+
+def test_the_known_delay_is_taken_off_the_stamps() -> None:
+    late = record(data_frames(1000), replace(CONFIG, delay=4.5e-4))
+    prompt = record(data_frames(1000))
+    np.testing.assert_allclose(prompt.acceleration.time - late.acceleration.time, 4.5e-4, atol=1e-12)
 
 
 def test_lost_frames_leave_gaps_and_are_counted() -> None:
