@@ -103,7 +103,9 @@ def measure(recording: Recording, axes: Sequence[str], steps: Sequence[int]) -> 
 def problem_of(measured: Measured, model: Model, local_spread: FloatArray) -> Problem:
     """The problem with the plain motor motion and everything free."""
     motion = tuple(measured.plain for _ in measured.grids)
-    return Problem(model, measured.grids, motion, measured.noise, local_spread, (True,) * len(model.parameters))
+    return Problem(
+        model, measured.grids, motion, measured.noise, local_spread, (True,) * len(model.parameters)
+    )
 
 
 def with_reconstructed_motion(measured: Measured, problem: Problem, fit: Fit) -> Problem:
@@ -112,7 +114,10 @@ def with_reconstructed_motion(measured: Measured, problem: Problem, fit: Fit) ->
     for x, axis in enumerate(measured.axes):
         speed, torque = (measured.recording.trace(axis, c) for c in ("motor_speed", "motor_torque"))
         assert speed is not None
-        transmission, skew = measured.recording.axis(axis).transmission, fit.value(problem.model, f"{axis}.skew")
+        transmission, skew = (
+            measured.recording.axis(axis).transmission,
+            fit.value(problem.model, f"{axis}.skew"),
+        )
         loads = [(g.time + skew, fit.response.force[0, t, x]) for t, g in enumerate(problem.grids)]
         balance = motor_balance(speed, transmission, loads, torque)
         columns.append([reconstructed_motion(speed, transmission, load, torque, balance) for load in loads])

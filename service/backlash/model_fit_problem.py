@@ -24,6 +24,16 @@ DIFFERENCE = 1e-4
 """Step of the difference quotients in the fit's coordinates: the simulation is smooth and exact to 1e-12."""
 
 
+FAR = 4.0
+"""How far a parameter may go from its prior's centre, in its standard deviations."""
+
+OVERFLOWN = 1e8
+"""A derivative beyond this is a lane that left the range of numbers; its direction is left alone."""
+
+LADDER = np.array([0.01, 0.1, 0.5, 2.0, 10.0, 1e3])
+"""Dampings tried at once around the last good one: lanes cost less than another round."""
+
+
 @dataclass(frozen=True)
 class Problem:
     """Everything that stays fixed during one fit.
@@ -50,6 +60,10 @@ class Problem:
     @property
     def K(self) -> int:
         return max(g.measured.shape[1] for g in self.grids)
+
+    def first_steps(self, n: int) -> Problem:
+        """The same problem with the first n steps only."""
+        return replace(self, grids=self.grids[:n], motion=self.motion[:n])
 
     def fixed_to(self, names: Sequence[str]) -> Problem:
         """The same problem in which only parameters ending in one of `names` are free."""
@@ -108,11 +122,15 @@ def motor_coefficients(problem: Problem, skews: FloatArray) -> FloatArray:
         levels, of = np.unique(skews[:, x], return_inverse=True)
         for t, grid in enumerate(problem.grids):
             for u, skew in enumerate(levels):
-                out[of == u, t, :, x] = coefficients(problem.motion[t][x], grid.start + skew, grid.h, problem.K)
+                out[of == u, t, :, x] = coefficients(
+                    problem.motion[t][x], grid.start + skew, grid.h, problem.K
+                )
     return out
 
 
-def load_start(problem: Problem, values: dict[str, FloatArray], c: FloatArray, local: FloatArray) -> FloatArray:
+def load_start(
+    problem: Problem, values: dict[str, FloatArray], c: FloatArray, local: FloatArray
+) -> FloatArray:
     """Load position and speed at the first grid point (S, T, X, 2), local coordinates (S, T, X, 2) counted from
     where the driving flank holds the load at the motor's acceleration."""
     out = np.empty((*c.shape[:2], len(problem.model.axes), 2))
@@ -120,7 +138,11 @@ def load_start(problem: Problem, values: dict[str, FloatArray], c: FloatArray, l
         links = (*LINKS[problem.model.lumps], "contact")
         k = 1.0 / sum(1.0 / values[f"{name}.{link}_stiffness"] for link in links)
         motor, s = c[:, :, 0, x], problem.s
-        pull = motor[..., 2] + s * values[f"{name}.coulomb"][:, None] + values[f"{name}.viscous"][:, None] * motor[..., 1]
+        pull = (
+            motor[..., 2]
+            + s * values[f"{name}.coulomb"][:, None]
+            + values[f"{name}.viscous"][:, None] * motor[..., 1]
+        )
         wind_up = pull / k[:, None] + 0.5 * s * values[f"{name}.backlash"][:, None]
         out[:, :, x, 0] = motor[..., 0] - wind_up
         out[:, :, x, 1] = motor[..., 1] - motor[..., 3] / k[:, None]
@@ -132,7 +154,9 @@ def respond(problem: Problem, shared: FloatArray, local: FloatArray) -> Response
     values = values_of(problem.model.parameters, shared)
     skews = np.stack([values[f"{a}.skew"] for a in problem.model.axes], axis=1)
     c = motor_coefficients(problem, skews)
-    return simulate(problem.model, values, c, problem.s, load_start(problem, values, c, local), problem.grids[0].h)
+    return simulate(
+        problem.model, values, c, problem.s, load_start(problem, values, c, local), problem.grids[0].h
+    )
 
 
 def residuals(problem: Problem, response: Response) -> FloatArray:
@@ -160,7 +184,8 @@ def jacobian(problem: Problem, at: Point) -> tuple[Response, FloatArray, FloatAr
     own = np.zeros((len(step_of), T, 2 * X))
     own[np.arange(len(step_of)), step_of] = slopes[len(free) :].T
     first = Response(response.acceleration[:1], response.force[:1], response.relative[:1])
-    return first, r[0], np.hstack((slopes[: len(free)].T, own.reshape(len(step_of), -1)))
+    J = np.hstack((slopes[: len(free)].T, own.reshape(len(step_of), -1)))
+    return first, r[0], np.where(np.abs(J) < OVERFLOWN, J, 0.0)
 
 
 def moved(problem: Problem, at: Point, step: FloatArray) -> Point:
@@ -168,7 +193,8 @@ def moved(problem: Problem, at: Point, step: FloatArray) -> Point:
     free = np.flatnonzero(problem.free)
     shared = at.shared.copy()
     shared[free] += step[: len(free)]
-    return Point(shared, at.local + step[len(free) :].reshape(at.local.shape))
+    local = at.local + step[len(free) :].reshape(at.local.shape)
+    return Point(np.clip(shared, -FAR, FAR), np.clip(local, -10.0 * FAR, 10.0 * FAR))
 
 
 def priors(problem: Problem, at: Point) -> FloatArray:
@@ -182,12 +208,12 @@ def cost(problem: Problem, at: Point, r: FloatArray, scale: float) -> float:
 
 
 def trials(problem: Problem, at: Point, r: FloatArray, J: FloatArray, dampings: FloatArray) -> list[Point]:
-    """Levenberg-Marquardt steps from one linearisation, one per damping, held within 1.5 prior deviations."""
+    """Levenberg-Marquardt steps from one linearisation, one per damping, shortened to 2 prior deviations."""
     scale = max(1.0, float(np.sqrt(np.mean(r**2))))
     H = J.T @ J / scale**2 + np.eye(J.shape[1])
     g = J.T @ r / scale**2 + priors(problem, at)
     steps = (-np.linalg.solve(H + damping * np.diag(np.diag(H)), g) for damping in dampings)
-    return [moved(problem, at, np.clip(step, -1.5, 1.5)) for step in steps]
+    return [moved(problem, at, step * min(1.0, 2.0 / float(np.max(np.abs(step))))) for step in steps]
 
 
 def best_trial(problem: Problem, points: Sequence[Point], scale: float) -> tuple[int, float]:
@@ -195,7 +221,10 @@ def best_trial(problem: Problem, points: Sequence[Point], scale: float) -> tuple
     shared, local = np.stack([p.shared for p in points]), np.stack([p.local for p in points])
     with np.errstate(all="ignore"):
         r = residuals(problem, respond(problem, shared, local))
-    costs = [cost(problem, p, row, scale) if np.all(np.isfinite(row)) else np.inf for p, row in zip(points, r, strict=True)]
+    costs = [
+        cost(problem, p, row, scale) if np.all(np.isfinite(row)) else np.inf
+        for p, row in zip(points, r, strict=True)
+    ]
     return int(np.argmin(costs)), float(np.min(costs))
 
 
@@ -207,16 +236,16 @@ def fit(problem: Problem, start: Point, rounds: int = 25, tolerance: float = 0.0
     """
     at, damping = start, 1e-2
     response, r, J = jacobian(problem, at)
-    for _ in range(rounds):
+    for _ in range(rounds if np.all(np.isfinite(r)) else 0):
         scale = max(1.0, float(np.sqrt(np.mean(r**2))))
-        dampings = damping * np.array([0.03, 1.0, 30.0, 1e3])
+        dampings = damping * LADDER
         points = trials(problem, at, r, J, dampings)
         best, reached = best_trial(problem, points, scale)
         gained = cost(problem, at, r, scale) - reached
         if gained <= 0.0:
             if damping > 1e3:
                 break
-            damping *= 3e4
+            damping *= 1e4
             continue
         at, damping = points[best], float(np.clip(dampings[best], 1e-6, 1e6))
         response, r, J = jacobian(problem, at)
@@ -228,6 +257,7 @@ def fit(problem: Problem, start: Point, rounds: int = 25, tolerance: float = 0.0
 def finished(problem: Problem, at: Point, response: Response, r: FloatArray, J: FloatArray) -> Fit:
     """Misfit and covariance at the end of a fit."""
     F = int(np.sum(problem.free))
+    r = np.clip(np.nan_to_num(r, nan=OVERFLOWN), -OVERFLOWN, OVERFLOWN)
     H = J.T @ J + np.eye(J.shape[1])
     covariance = np.zeros((len(problem.free), len(problem.free)))
     free = np.flatnonzero(problem.free)

@@ -6,7 +6,7 @@ on a few steps, because lanes are cheap.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -72,7 +72,7 @@ def candidates(problem: Problem, guesses: dict[str, Guess], n: int = CANDIDATES)
 
 def best_starts(problem: Problem, points: list[Point], keep: int) -> list[Point]:
     """The points with the smallest residuals on a few steps, best first."""
-    few = replace(problem, grids=problem.grids[:SEARCH_STEPS], motion=problem.motion[:SEARCH_STEPS])
+    few = problem.first_steps(SEARCH_STEPS)
     shared = np.stack([p.shared for p in points])
     local = np.stack([p.local[:SEARCH_STEPS] for p in points])
     with np.errstate(all="ignore"):

@@ -1,6 +1,5 @@
-"""Forward model of issue-free parts: load acceleration predicted from the measured motor motion.
+"""Forward model of issue-free parts: load acceleration predicted from the measured motor motion."""
 
-"""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -41,7 +40,9 @@ def initial_states(model: Model, values: Values, motor: FloatArray, load: FloatA
         wind_up = motor[:, :, axis] - load[:, :, axis]
         gap = np.clip(wind_up[..., 0], -half, half)
         touching = np.abs(wind_up[..., 0]) > half
-        soft = [1.0 / values[f"{name}.{link}_stiffness"][:, None] for link in (*LINKS[model.lumps], "contact")]
+        soft = [
+            1.0 / values[f"{name}.{link}_stiffness"][:, None] for link in (*LINKS[model.lumps], "contact")
+        ]
         for body in range(model.lumps):
             share = sum(soft[: body + 1]) / sum(soft)
             x[..., first + 2 * body] = motor[:, :, axis, 0] - share * (wind_up[..., 0] - gap)
@@ -91,4 +92,6 @@ def simulate(
         predicted = effect.measure(predicted, model, values)
     relative = states @ system.relative.T + system.motor_share * motor[..., 0]
     force = motor_force(model, values, states, motor)
-    return Response(predicted.transpose(1, 2, 0, 3), force.transpose(1, 2, 3, 0), relative.transpose(1, 2, 3, 0))
+    return Response(
+        predicted.transpose(1, 2, 0, 3), force.transpose(1, 2, 3, 0), relative.transpose(1, 2, 3, 0)
+    )

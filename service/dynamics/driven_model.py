@@ -114,7 +114,9 @@ class Model:
         """All shared parameters; an axis' carry its name in front, `X1.backlash`."""
         own = AXIS_PARAMETERS + tuple(p for link in LINKS[self.lumps] for p in LINK_PARAMETERS[link])
         named = [
-            Parameter(f"{a}.{p.name}", p.unit, p.typical, p.spread, p.logarithmic) for a in self.axes for p in own
+            Parameter(f"{a}.{p.name}", p.unit, p.typical, p.spread, p.logarithmic)
+            for a in self.axes
+            for p in own
         ]
         bridge = BRIDGE_PARAMETERS if len(self.axes) == 2 else ()
         return (*named, *bridge, *(p for effect in self.effects for p in effect.parameters))

@@ -1,0 +1,190 @@
+"""Backlash by output-error fit of the load acceleration, driven by the measured motor motion (estimator.md nos. 2-5).
+
+The axis' whole model, eqs. (2)-(7) and for a gantry (9), is simulated from the measured motion of the motor and
+compared with the accelerometer; the backlash is one of its parameters. Both axes of a gantry are fitted together:
+the partner's pull is part of the model. The value stands or falls with how well the model explains the
+recording, so the misfit to the noise at standstill is judged, and the interval holds what the fit's own
+covariance does not know: the misfit, the scatter of the steps and the spread over starts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from service.backlash.interval import half_width_95
+from service.backlash.model_fit_data import Measured, measure
+from service.backlash.model_fit_problem import OVERFLOWN, jacobian
+from service.backlash.model_fit_stages import Effort, Outcome, Staged, backlashes, staged_fit
+from service.backlash.model_fit_start import Guess, closed_form
+from service.backlash.results import AxisResult, Reason, StepResult
+from service.dynamics.driven_model import Model
+from service.recording import FloatArray, Recording
+
+METHOD = "model_fit"
+
+MIN_STEPS = 4
+
+SINGLE = Effort()
+GANTRY = Effort(candidates=600, starts=4, rounds=(12, 6, 6), refine=(6, 5, 5))
+
+MISFIT_LIMIT = 9.0
+"""Refused where the residual is more than three times the noise and more than UNEXPLAINED of the acceleration."""
+
+UNEXPLAINED = 0.03
+
+STRUCTURE = 2e-3
+"""Standard deviation of what the model's structure is worth, as a share of the backlash (chosen: half of 0.5 %, the
+accuracy aimed at; see tests/benchmarks/accuracy.py), taken once the misfit shows that something is lacking."""
+
+
+def refused(axis: str, reason: Reason, detail: str, steps: tuple[StepResult, ...] = ()) -> AxisResult:
+    """An axis without a value, and why."""
+    return AxisResult(axis, "refused", METHOD, reason, detail, steps=steps)
+
+
+def model_fit(recording: Recording, axis: str) -> AxisResult:
+    """Backlash of one axis; a gantry's axis is fitted with its partner (use `model_fit_axes` to get both at once)."""
+    return model_fit_axes(recording, axis)[axis]
+
+
+def model_fit_axes(recording: Recording, axis: str) -> dict[str, AxisResult]:
+    """Results of the axis and, on a gantry, of its partner, from one joint fit."""
+    partner = recording.partner(axis)
+    axes = (axis,) if partner is None else tuple(a.name for a in recording.axes if a.name in (axis, partner))
+    lacking = unfit_for_use(recording, axis, axes if partner is None else (axis, partner))
+    if lacking is not None:
+        return {axis: lacking}
+    measured = measure(recording, axes, range(len(recording.moves)))
+    guesses = {name: closed_form(recording, name) for name in axes}
+    if len(axes) == 1:
+        staged = staged_fit(measured, Model(axes, 2), guesses, SINGLE)
+    else:
+        # The closed form mistakes the partner's pull for the gap; only its compliance is of use here.
+        blind = {name: Guess(None, guess.compliance, None) for name, guess in guesses.items()}
+        staged = staged_fit(measured, Model(axes, 1), blind, GANTRY)
+    return {name: judged(recording, measured, staged, x) for x, name in enumerate(axes)}
+
+
+def unfit_for_use(recording: Recording, axis: str, axes: tuple[str, ...]) -> AxisResult | None:
+    """The refusal of a recording that does not hold what a fit needs, None when it does."""
+    if len(recording.moves) < MIN_STEPS:
+        reason = Reason.TOO_FEW_STEPS if recording.moves else Reason.NO_MOVES
+        return refused(
+            axis,
+            reason,
+            f"{len(recording.moves)} steps recorded, {MIN_STEPS} are needed; run the plan whole.",
+        )
+    for name in axes:
+        for channel in ("motor_speed", "acceleration"):
+            if recording.trace(name, channel) is None and name == axis:
+                return refused(
+                    axis, Reason.CHANNEL_MISSING, f"The channel {channel} of {axis} was not recorded; map it."
+                )
+            if recording.trace(name, channel) is None:
+                detail = f"{axis} is moved by {name} too, of which {channel} is missing; record both axes of the gantry."
+                return refused(axis, Reason.GANTRY_PARTNER_MISSING, detail)
+    return None
+
+
+def explained(measured: Measured, outcome: Outcome) -> bool:
+    """Whether the residual is near the noise, or small against the acceleration itself."""
+    used = np.stack([grid.used for grid in outcome.problem.grids])
+    signal = np.stack([grid.measured for grid in outcome.problem.grids])[used]
+    residual = float(np.sqrt(outcome.fit.misfit) * np.mean(measured.noise))
+    return outcome.fit.misfit < MISFIT_LIMIT or residual < UNEXPLAINED * float(np.sqrt(np.mean(signal**2)))
+
+
+@dataclass(frozen=True)
+class StepValues:
+    """b : (T,) each step's own backlash [m], other parameters held; t1, t2 : (T,) [s], NaN where there is none."""
+
+    b: FloatArray
+    t1: FloatArray
+    t2: FloatArray
+
+
+def step_values(outcome: Outcome, x: int) -> StepValues:
+    """What each step says by itself, from one linearised solve for b and its initial state."""
+    problem, at = outcome.problem, outcome.fit.point
+    _, r, J = jacobian(problem, at)
+    r = np.clip(np.nan_to_num(r), -OVERFLOWN, OVERFLOWN)
+    k = [p.name for p in problem.model.parameters].index(f"{problem.model.axes[x]}.backlash")
+    own = 2 * len(problem.model.axes)
+    step_of = np.nonzero(np.stack([g.used for g in problem.grids]))[0]
+    parameter, shared = problem.model.parameters[k], len(at.shared)
+    b, t1, t2 = [], [], []
+    for t, grid in enumerate(problem.grids):
+        rows = step_of == t
+        columns = np.concatenate(([k], shared + t * own + np.arange(own)))
+        moved = np.linalg.lstsq(J[np.ix_(rows, columns)], -r[rows], rcond=None)[0][0]
+        b.append(float(parameter.value(at.shared[k] + np.clip(moved, -1.0, 1.0))))
+        crossing = grid.s * outcome.fit.response.relative[0, t, x]
+        half = 0.5 * float(parameter.value(at.shared[k]))
+        t1.append(first_time(grid.time, crossing < half))
+        t2.append(first_time(grid.time, crossing < -half))
+    return StepValues(np.array(b), np.array(t1), np.array(t2))
+
+
+def first_time(time: FloatArray, happened: FloatArray) -> float:
+    """The first time at which something holds, NaN if it never does."""
+    return float(time[np.argmax(happened)]) if np.any(happened) else float("nan")
+
+
+def interval_half_width(staged: Staged, x: int, steps: StepValues) -> float:
+    """Half width of the 95 % interval [m] of axis x.
+
+    The standard error is the larger of the fit's own, enlarged by the misfit, and that of the steps' scatter.
+    What the structure is worth is a share of the value, growing with the misfit; the spread over the passes
+    and over starts that fit about as well is added.
+    """
+    best, name = staged.best, staged.best.problem.model.axes[x]
+    value = float(backlashes(best.problem, best.fit)[x])
+    own = best.fit.spread(best.problem.model, f"{name}.backlash") * np.sqrt(max(1.0, best.fit.misfit))
+    crossed = np.isfinite(steps.t2)
+    scatter = (
+        float(np.std(steps.b[crossed], ddof=1) / np.sqrt(np.sum(crossed))) if np.sum(crossed) > 2 else 0.0
+    )
+    lacking = STRUCTURE * value * np.sqrt(max(0.0, best.fit.misfit - 1.0))
+    near = [o for o in staged.ends if o.fit.misfit < 1.1 * best.fit.misfit]
+    rivals = [float(backlashes(o.problem, o.fit)[x]) for o in near]
+    error = float(np.hypot(max(own, scatter), lacking))
+    return half_width_95(error, 60, rivals, value)
+
+
+def judged(recording: Recording, measured: Measured, staged: Staged, x: int) -> AxisResult:
+    """Verdict, value and interval of axis x of the fit."""
+    best, name = staged.best, staged.best.problem.model.axes[x]
+    value, steps = float(backlashes(best.problem, best.fit)[x]), step_values(best, x)
+    half = interval_half_width(staged, x, steps)
+    results = tuple(one_step(recording, steps, t) for t in range(len(recording.moves)))
+    if not explained(measured, best):
+        detail = (
+            f"The model leaves {np.sqrt(best.fit.misfit):.1f} times the noise at rest unexplained; the axis does "
+            "something that the model lacks (loose part, second gap, collision), or the channels do not belong "
+            "together: look at the residual."
+        )
+        return refused(name, Reason.MISFIT, detail, results)
+    if not np.any(np.isfinite(steps.t2)):
+        detail = "In no step did the flanks change sides; the step is too short or too slow for the gap, or the load is held."
+        return refused(name, Reason.GAP_NOT_CROSSED, detail, results)
+    if half > 0.5 * value:
+        detail = (
+            f"{value * 1e6:.1f} ± {half * 1e6:.1f} µm says nothing; lower the noise or lengthen the step."
+        )
+        return refused(name, Reason.INTERVAL_TOO_WIDE, detail, results)
+    return AxisResult(
+        name, "ok", METHOD, backlash=value, interval_95=(value - half, value + half), steps=results
+    )
+
+
+def one_step(recording: Recording, steps: StepValues, t: int) -> StepResult:
+    """The result of one step; refused where the gap was not crossed in it."""
+    direction = recording.moves[t].direction
+    if np.isfinite(steps.t2[t]):
+        return StepResult(
+            t, direction, "ok", backlash=float(steps.b[t]), t1=float(steps.t1[t]), t2=float(steps.t2[t])
+        )
+    detail = "The flanks did not change sides in this step; the partner or friction held the load."
+    return StepResult(t, direction, "refused", Reason.GAP_NOT_CROSSED, detail)

@@ -1,0 +1,128 @@
+"""The stages of the fit: starts on a few steps, all steps, then the motor's motion between its samples.
+
+Rounds and numbers of starts are chosen so that a single axis takes some 3 s and a gantry some 20 s on one core.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from service.backlash.model_fit_data import Measured, problem_of, with_reconstructed_motion
+from service.backlash.model_fit_problem import Fit, Point, Problem, fit
+from service.backlash.model_fit_start import SEARCH_STEPS, Guess, best_starts, candidates
+from service.dynamics.driven_model import Model
+from service.recording import FloatArray
+
+LOCAL_SPREAD = np.array([1e-5, 1e-2])
+"""Prior of the load's position [m] and speed [m/s] at the start of the simulated part, against the flank: the
+contact still swings from the first crossing of the gap."""
+
+
+HOPELESS = 1e5
+"""Misfit from which on a start is given up: hundreds of times the noise, the motor's force means nothing."""
+
+
+@dataclass(frozen=True)
+class Effort:
+    """candidates : random machines; starts : those fitted; rounds, refine : of each pass, few and all steps."""
+
+    candidates: int = 160
+    starts: int = 3
+    rounds: tuple[int, ...] = (7, 5, 5)
+    refine: tuple[int, ...] = (6, 5, 5)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A fit and the problem (with its motor motion) that it solved."""
+
+    problem: Problem
+    fit: Fit
+
+
+@dataclass(frozen=True)
+class Staged:
+    """best : of all steps; ends : of each pass over all steps; starts : of each start over a few steps."""
+
+    best: Outcome
+    ends: list[Outcome]
+    starts: list[Outcome]
+
+
+def backlashes(problem: Problem, found: Fit) -> FloatArray:
+    """(X,) backlash of every axis [m]."""
+    return np.array([found.value(problem.model, f"{axis}.backlash") for axis in problem.model.axes])
+
+
+def passes(measured: Measured, problem: Problem, start: Point, rounds: tuple[int, ...]) -> list[Outcome]:
+    """A fit, then fits with the motor's motion reconstructed from the one before; not every pass is better."""
+    found = fit(problem, start, rounds[0], 1.0)
+    out = [Outcome(problem, found)]
+    for more in rounds[1:]:
+        if found.misfit > HOPELESS:
+            break
+        problem = with_reconstructed_motion(measured, problem, found)
+        found = fit(problem, found.point, more, 0.3)
+        out.append(Outcome(problem, found))
+        if abs(out[-2].fit.cost - found.cost) < 0.5:
+            break
+    return out
+
+
+def from_starts(
+    measured: Measured, problem: Problem, guesses: dict[str, Guess], effort: Effort
+) -> list[Outcome]:
+    """Passes on a few steps from each of the best random machines; the best of each, best first."""
+    few = problem.first_steps(SEARCH_STEPS)
+    points = best_starts(problem, candidates(problem, guesses, effort.candidates), effort.starts)
+    if problem.model.lumps == 2:
+        points.append(from_lighter_chain(measured, problem, guesses, effort))
+    ends = [passes(measured, few, Point(p.shared, p.local[:SEARCH_STEPS]), effort.rounds) for p in points]
+    return sorted((min(end, key=lambda o: o.fit.cost) for end in ends), key=lambda o: o.fit.cost)
+
+
+def from_lighter_chain(
+    measured: Measured, problem: Problem, guesses: dict[str, Guess], effort: Effort
+) -> Point:
+    """A start from the chain with one lump, which has fewer minima: its drive split into gear and pinion."""
+    light = problem_of(measured, replace(problem.model, lumps=1), LOCAL_SPREAD)
+    few = light.first_steps(SEARCH_STEPS)
+    points = best_starts(light, candidates(light, guesses, effort.candidates), 2)
+    fits = [fit(few, Point(p.shared, p.local[:SEARCH_STEPS]), effort.rounds[0], 1.0) for p in points]
+    best = min(fits, key=lambda f: f.cost)
+    values = {p.name: best.value(light.model, p.name) for p in light.model.parameters}
+    for axis in light.model.axes:
+        values |= split_drive(values, axis)
+    shared = np.array([float(p.internal(values[p.name])) for p in problem.model.parameters])
+    return Point(shared, np.zeros((len(problem.grids), len(problem.model.axes), 2)))
+
+
+def split_drive(values: dict[str, float], axis: str) -> dict[str, float]:
+    """Gear and pinion that together are about as soft and as heavy as one drive lump; chosen: ratios in the middle of
+    what gearboxes with a mounted pinion have."""
+    k, zeta, mass = (values[f"{axis}.drive_{name}"] for name in ("stiffness", "damping_ratio", "mass"))
+    gear = {"gear_stiffness": 1.3 * k, "gear_damping_ratio": zeta, "gear_mass": 0.7 * mass}
+    pinion = {"pinion_stiffness": 4.0 * k, "pinion_damping_ratio": 0.03, "pinion_mass": 0.3 * mass}
+    return {f"{axis}.{name}": value for name, value in (gear | pinion).items()}
+
+
+def repeated(problem: Problem, local: FloatArray) -> FloatArray:
+    """Initial states of all steps (T, X, 2) from those of the first few: steps repeat, but for their direction."""
+    s = problem.s[:, None, None]
+    mean = np.mean(s[: len(local)] * local, axis=0)
+    return np.concatenate((local, s[len(local) :] * mean))
+
+
+def staged_fit(measured: Measured, model: Model, guesses: dict[str, Guess], effort: Effort) -> Staged:
+    """All stages for one structure."""
+    problem = problem_of(measured, model, LOCAL_SPREAD)
+    starts = from_starts(measured, problem, guesses, effort)
+    begin = Point(starts[0].fit.point.shared, repeated(problem, starts[0].fit.point.local))
+    settled = fit(replace(problem, free=(False,) * len(model.parameters)), begin, 3, 1.0)
+    whole = with_reconstructed_motion(measured, problem, settled)
+    begin = settled.point
+    ends = passes(measured, whole, begin, effort.refine)
+    best = min(ends, key=lambda o: o.fit.cost)
+    return Staged(best, ends, starts)
