@@ -81,11 +81,6 @@ def _local_gap(P: Values, x: FloatArray, v: FloatArray) -> FloatArray:
     return P["gap_slope"] * x
 
 
-def _clearance(P: Values, e: FloatArray, v: FloatArray) -> FloatArray:
-    half = 0.5 * P["clearance"]
-    return e - np.clip(e, -half, half)
-
-
 def _hardening(P: Values, pen: FloatArray, v: FloatArray) -> FloatArray:
     return 1.0 + P["hardening"] * np.abs(pen)
 
@@ -140,7 +135,7 @@ def axis_effects() -> tuple[AxisEffect, ...]:
         AxisEffect("position_dependent_backlash", "gap", (_one("gap_slope", "1", 1e-3, (-0.2, 0.2)),), _local_gap,
                    "the backlash changes along the travel: local wear, pinion runout"),
         AxisEffect("gearbox_clearance", "stretch",
-                   (EffectParameter("clearance", "m", 2e-6, (5e-6, 3e-5), (0.0, 3e-4)),), _clearance,
+                   (EffectParameter("clearance", "m", 2e-6, (5e-6, 3e-5), (0.0, 3e-4)),), None,
                    "there is a second gap in series, in the gearbox or a coupling"),
         AxisEffect("contact_nonlinearity", "contact", (_one("hardening", "1/m", 3e3, (-1e5, 1e6)),), _hardening,
                    "the tooth contact stiffens with load"),

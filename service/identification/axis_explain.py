@@ -11,9 +11,12 @@ from service.identification.axis_effects import AxisEffect, axis_effects, gantry
 from service.identification.axis_fit import Fit, errors, rms
 from service.identification.axis_problem import AxisProblem, axis_problem
 from service.identification.axis_search import (
+    bridged_fit,
     candidate_fit,
     declared_fit,
     finished,
+    judged,
+    near_fit,
     settled,
     without_last,
     zeros_found,
@@ -31,7 +34,9 @@ MATERIAL = 0.15
 """Share of the held-out RMS that an effect must remove: what a wrong structure imitates stays below (chosen)."""
 EARLY = 0.5
 """Share of a held-out move in which the pinion's zero is found again; the backlash pass comes after it."""
-FINALISTS = 3
+LOOKED_AT = 5
+"""Candidates that are fitted further after a first look at all."""
+FINALISTS = 2
 """Candidates whose fit is finished on all moves."""
 
 
@@ -70,12 +75,16 @@ def explain_axes(
 
 
 def prepare(train: Sequence[Recording], validate: Recording, axes: Sequence[str]) -> tuple[Scene, Fit]:
-    """The scene and the declared model's fit."""
+    """The scene and the declared model's fit; a declared gantry has its bridge, f of eq. (9)."""
     with np.errstate(all="ignore"):
         short = axis_problem(train[0], axes, SHORT)
         start, pool = declared_fit(short)
     whole = tuple(axis_problem(recording, axes) for recording in train)
-    library = (gantry_coupling(), *axis_effects()) if len(axes) == 2 else axis_effects()
+    library = axis_effects()
+    if len(axes) == 2 and tuple(axes) in validate.gantry:
+        start = settled(short, bridged_fit(short, start, gantry_coupling()), 20)
+    elif len(axes) == 2:
+        library = (gantry_coupling(), *library)
     return Scene(short, whole, axis_problem(validate, axes), pool, library), start
 
 
@@ -88,7 +97,7 @@ def on_all_moves(scene: Scene, found: Fit) -> Fit:
 
 def trial(scene: Scene, found: Fit) -> Trial[Fit]:
     """A fit with its errors on the held-out moves, whose zeros are found again in each move's first half."""
-    held = errors(scene.held_out, zeros_found(scene.held_out, found.model, EARLY))
+    held = errors(scene.held_out, judged(scene.held_out, found, scene.whole[-1], EARLY))
     blocks = scene.held_out.blocks()
     sums = np.array([np.sum(held[blocks == b] ** 2) for b in np.unique(blocks)])
     last = scene.whole[-1]
@@ -100,20 +109,35 @@ def propose(
     scene: Scene, present: Trial[Fit], taken: tuple[str, ...], tell: Callable[[str], None]
 ) -> Mapping[str, Trial[Fit]]:
     """Every effect that is not in yet, fitted to a few moves; the best of them fitted to all."""
-    near = zeros_found(scene.short, present.model.model)
-    found = {}
-    for effect in scene.library:
-        if effect.name not in taken:
-            found[effect.name] = candidate_fit(scene.short, near, scene.pool, effect)
-            tell(f"tried {effect.name}: {rms(errors(scene.short, found[effect.name])):.2f}")
-    order = sorted(found, key=lambda name: rms(errors(scene.short, found[name])))
-    for name in order[:FINALISTS]:
-        found[name] = on_all_moves(scene, finished(scene.short, found[name], scene.pool))
+    here = zeros_found(scene.short, present.model.model)
+    library = {effect.name: effect for effect in scene.library if effect.name not in taken}
+    found = {
+        name: settled(scene.short, bridged_fit(scene.short, here, effect), 20)
+        if effect.stage == "bridge"
+        else near_fit(scene.short, here, effect)
+        for name, effect in library.items()
+    }
+
+    def order() -> list[str]:
+        return sorted(found, key=lambda name: rms(errors(scene.short, found[name])))
+
+    for name in order()[:LOOKED_AT]:
+        if library[name].stage == "bridge":
+            continue
+        found[name] = candidate_fit(scene.short, here, found[name], scene.pool, library[name])
+        tell(f"tried {name}: {rms(errors(scene.short, found[name])):.2f}")
+    for name in order()[:FINALISTS]:
+        best = (
+            found[name] if library[name].stage == "bridge" else finished(scene.short, found[name], scene.pool)
+        )
+        found[name] = on_all_moves(scene, best)
     return {name: trial(scene, f) for name, f in found.items()}
 
 
 def _challenged(scene: Scene, present: Trial[Fit], best: Trial[Fit]) -> Trial[Fit]:
     """The present model fitted once more from where the best candidate ended, without the candidate's effect."""
+    if best.validation_rms < 0.4 * present.validation_rms:
+        return present
     stripped = without_last(best.model, len(present.model.model.z))
     again = on_all_moves(scene, settled(scene.short, zeros_found(scene.short, stripped.model)))
     other = trial(scene, again)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -38,6 +39,7 @@ class AxisProblem:
     ----------
     samples : per axis
     noise : (A,) standard deviation of the sensor's noise [m/s²], measured at standstill
+    ring : strongest frequency in the rests between the moves [Hz]: a body that swings on shows there
     period : the accelerometer's sample period [s]
     """
 
@@ -46,6 +48,7 @@ class AxisProblem:
     motion: MotorMotion
     samples: tuple[Samples, ...]
     noise: FloatArray
+    ring: float
     period: float
 
     def target(self) -> FloatArray:
@@ -72,6 +75,7 @@ def axis_problem(recording: Recording, axes: Sequence[str], moves: int | None = 
         motion=_motion(recording, axes, chosen, period),
         samples=tuple(_samples(recording.traces[a, "acceleration"], chosen) for a in axes),
         noise=np.array([sensor_noise(recording, a) for a in axes]),
+        ring=rest_frequency(recording, axes[0]),
         period=period,
     )
 
@@ -142,10 +146,25 @@ def sensor_noise(recording: Recording, axis: str) -> float:
     return float(1.4826 * np.median(np.abs(steps - np.median(steps))) / np.sqrt(6.0))
 
 
+def rest_frequency(recording: Recording, axis: str) -> float:
+    """Frequency [Hz] of the strongest line between 3 and 200 Hz in the rests after the moves."""
+    trace, moves = recording.traces[axis, "acceleration"], recording.moves
+    period = float(np.median(np.diff(trace.time)))
+    frequencies = np.fft.rfftfreq(1 << 16, period)
+    power = np.zeros(len(frequencies))
+    for move, after in itertools.pairwise(moves):
+        rest = trace.between(move.end + 2.0 * AFTER, after.start - BEFORE).value
+        if len(rest) >= 64:
+            power += np.abs(np.fft.rfft((rest - rest.mean()) * np.hanning(len(rest)), 1 << 16)) ** 2
+    inside = (frequencies > 3.0) & (frequencies < 200.0)
+    return float(frequencies[inside][np.argmax(power[inside])])
+
+
 def read_sensor(problem: AxisProblem, speed: FloatArray, P: Mapping[str, FloatArray]) -> FloatArray:
     """What the accelerometers read (m, L) over their noise, from the carriages' speed (K, L, W, A).
 
-    A sample is the mean over its interval; simulated speeds stand half a step before their index. Latency, gain and bias are the sensor's own effects.
+    A sample is the mean over its interval; simulated speeds stand half a step before their index.
+    Latency, gain and bias are the sensor's own effects.
     """
     return np.concatenate(
         [_read_axis(problem, speed[..., a], P, a) / problem.noise[a] for a in range(len(problem.axes))]

@@ -54,7 +54,7 @@ def scored(problem: AxisProblem, model: AxisModel, Z: FloatArray) -> tuple[Float
     return table.min(axis=0).sum(axis=0), zeros
 
 
-def zeros_found(problem: AxisProblem, model: AxisModel, share: float = 1.0, rounds: int = 3) -> Fit:
+def zeros_found(problem: AxisProblem, model: AxisModel, share: float = 1.0, rounds: int = 5) -> Fit:
     """The model with the pinion's zeros found again, judged by the first ``share`` of each move.
 
     Each move has its own zero, so a grid over one number per move and axis finds all of them at once; it is
@@ -66,6 +66,24 @@ def zeros_found(problem: AxisProblem, model: AxisModel, share: float = 1.0, roun
         for axis in range(len(problem.axes)):
             zeros = _zeros_of(problem, model, zeros, axis, early, rounds)
     return Fit(model, zeros)
+
+
+def judged(problem: AxisProblem, found: Fit, train: AxisProblem, share: float) -> Fit:
+    """The model on another recording: only the zeros are found again, in the first ``share`` of each move.
+
+    They are searched from scratch, and also near where they were on average on train; the better counts.
+    """
+    early = early_samples(problem, share)
+    searched = zeros_found(problem, found.model, share)
+    if len(problem.axes) == 1:
+        return searched
+    usual = np.zeros_like(searched.offsets)
+    if len(found.offsets) == len(train.moves):
+        side = np.where(train.motion.came_from == 0.0, np.nan, train.motion.came_from)
+        usual = np.nanmean(found.offsets * side, axis=0) * problem.motion.came_from
+    usual[0] = searched.offsets[0]
+    fits = [fit(problem, Fit(found.model, z), 6, free=[], weight=early) for z in (searched.offsets, usual)]
+    return min(fits, key=lambda f: rms(errors(problem, f) * early))
 
 
 def _zeros_of(
@@ -145,19 +163,45 @@ def _two_axes(found: Sequence[tuple[Fit, FloatArray]]) -> tuple[Fit, FloatArray]
     return Fit(model.at(z), np.concatenate([f.offsets for f, _ in found], axis=1)), pool
 
 
+def near_fit(problem: AxisProblem, present: Fit, effect: AxisEffect, iterations: int = 5) -> Fit:
+    """The model with one more effect from where it stands, the effect at the best of its grid: a first look."""
+    model = extended(present.model, effect)
+    return fit(
+        problem,
+        _nearest(problem, present, model, effect_grid(problem, model, len(present.model.z))),
+        iterations,
+    )
+
+
 def candidate_fit(
-    problem: AxisProblem, present: Fit, pool: FloatArray, effect: AxisEffect, iterations: int = 10
+    problem: AxisProblem, present: Fit, near: Fit, pool: FloatArray, effect: AxisEffect, iterations: int = 10
 ) -> Fit:
-    """The model with one more effect, from the best of: the present fit and the pool, times the effect's grid."""
+    """A candidate fitted further: from its first look, and from the best of the pool times the effect's grid."""
+    model = extended(present.model, effect)
+    taken = present.model.z[pool.shape[1] :]
+    pool = pool[:16] if effect.stage in ("body", "hung") else pool
+    machines = np.hstack([pool, np.repeat(taken[None], len(pool), axis=0)])
+    grid = effect_grid(problem, model, len(present.model.z))
+    Z = np.hstack([np.repeat(machines, len(grid), axis=0), np.tile(grid, (len(machines), 1))])
+    far = best_starts(problem, model, Z, 1)
+    return best_fit(problem, [near, *far], iterations)
+
+
+def bridged_fit(problem: AxisProblem, present: Fit, effect: AxisEffect) -> Fit:
+    """Two axes and their bridge from a search of its own: each axis' fit alone has bent itself to the other's pull.
+
+    Machines scattered around the present fit and over the priors, with bridges over four decades of stiffness
+    and relaxed at offsets of some tens of micrometres; the best of them are fitted.
+    """
     model = extended(present.model, effect)
     n = len(present.model.z)
-    taken = present.model.z[pool.shape[1] :]
-    machines = np.vstack([present.model.z, np.hstack([pool, np.repeat(taken[None], len(pool), axis=0)])])
-    grid = effect_grid(model, n)
-    Z = np.hstack([np.repeat(machines, len(grid), axis=0), np.tile(grid, (len(machines), 1))])
-    near = fit(problem, _nearest(problem, present, model, grid), iterations)
-    far = [fit(problem, start, iterations) for start in best_starts(problem, model, Z[len(grid) :], 1)]
-    return min([near, *far], key=lambda f: rms(errors(problem, f)))
+    wide = random_machines(model, MACHINES)
+    wide[: MACHINES // 2, :n] = present.model.z + 0.6 * wide[: MACHINES // 2, :n]
+    low, high = (model.coordinates[n].internal(edge) for edge in (1e3, 1e6))
+    share = 0.5 + 0.5 * np.clip(wide[:, n] / 1.9, -1.0, 1.0)
+    wide[:, n] = low + share * (high - low)
+    wide[:, n + 2] *= 0.4
+    return best_fit(problem, best_starts(problem, model, wide, 4), 15)
 
 
 def finished(problem: AxisProblem, found: Fit, pool: FloatArray) -> Fit:
@@ -185,10 +229,12 @@ def _nearest(problem: AxisProblem, present: Fit, model: AxisModel, grid: FloatAr
     return Fit(model.at(Z[best]), present.offsets)
 
 
-def effect_grid(model: AxisModel, n: int) -> FloatArray:
+def effect_grid(problem: AxisProblem, model: AxisModel, n: int) -> FloatArray:
     """Values of the last effect's coordinates to start from (G, new): doses of both signs times shapes."""
     new = model.coordinates[n:]
     effect = model.effects[-1]
+    if effect.stage in ("body", "hung"):
+        return _mode_grid(problem, model, n)
     first = effect.parameters[0]
     shape = next((p for p in effect.parameters if p.logarithmic and len(p.starts) > 1), None)
     rows = []
@@ -201,6 +247,23 @@ def effect_grid(model: AxisModel, n: int) -> FloatArray:
                 elif shape is not None and c.name == shape.name:
                     row[k] = c.internal(value)
             rows.append(row)
+    return np.array(rows)
+
+
+def _mode_grid(problem: AxisProblem, model: AxisModel, n: int) -> FloatArray:
+    """Starts of a swinging mass: what rings in the rests, and frequencies a third of an octave and more apart.
+
+    In a rest the carriage stands on the body and swings with it, so the body alone is faster by its share.
+    """
+    effect, rows = model.effects[-1], []
+    for ratio in (0.03, 0.1, 0.3):
+        own = problem.ring * (np.sqrt(1.0 + ratio) if effect.stage == "body" else 1.0)
+        for frequency in (own, 0.97 * own, 1.03 * own, *effect.parameters[1].starts[1::3]):
+            for damping in (0.01, 0.04):
+                start = dict(
+                    zip((p.name for p in effect.parameters), (ratio, frequency, damping), strict=True)
+                )
+                rows.append([c.internal(start[c.name]) for c in model.coordinates[n:]])
     return np.array(rows)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from service.identification.axis_fit import Fit, errors, fit, jacobian, rms
 from service.identification.axis_problem import AxisProblem
-from service.identification.axis_search import zeros_found
+from service.identification.axis_search import judged, zeros_found
 from service.identification.explanation import (
     AxisExplanation,
     ErrorReport,
@@ -73,7 +73,7 @@ class _States:
         self.train, self.held_out = train, held_out
         same = len(found.offsets) == len(train.moves)
         self.fitted = found if same else fit(train, zeros_found(train, found.model), 2)
-        self.judged = zeros_found(held_out, found.model, 0.5)
+        self.judged = judged(held_out, found, train, 0.5)
         self.train_errors, self.errors = errors(train, self.fitted), errors(held_out, self.judged)
         n = len(found.model.z)
         r, J = jacobian(train, self.fitted, range(n))

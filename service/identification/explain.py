@@ -44,7 +44,9 @@ def explain(
 
 
 def _groups(validate: Recording) -> list[tuple[str, ...]]:
-    """Axes one by one, the two of a gantry together."""
+    """Axes one by one; two that make the same moves together, since a bridge between them may be undeclared."""
+    if len(validate.axes) == 2 and not validate.gantry and validate.moves:
+        return [(validate.axes[0].name, validate.axes[1].name)]
     paired = {name for pair in validate.gantry for name in pair}
     return [*validate.gantry, *((a.name,) for a in validate.axes if a.name not in paired)]
 

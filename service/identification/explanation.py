@@ -16,7 +16,7 @@ from service.recording import FloatArray
 Finding = Literal["effect", "none", "unknown"]
 
 
-class CannotExplain(ValueError):  # noqa: N818 - it is an answer as much as an error
+class CannotExplain(ValueError):
     """The recordings do not allow a verdict: says which one, why, and what to record instead."""
 
 

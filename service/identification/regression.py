@@ -304,7 +304,9 @@ def parameter_std(problem: RegressionProblem, model: Model) -> dict[str, float]:
     The residual is correlated, so the number of independent samples is taken from its lag-one correlation
     (an AR(1) residual); the shapes' columns are differences of the prediction.
     """
-    y_all, X_all, names = [], [], []
+    y_all: list[FloatArray] = []
+    X_all: list[FloatArray] = []
+    names: list[str] = []
     for record in problem.train:
         y, X, names = design(problem, record, model)
         slopes = [_shape_slope(problem, record, model, k) for k in range(len(model.shapes))]

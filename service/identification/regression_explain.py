@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from service.identification.explanation import AxisExplanation, ErrorReport, Parameter, Prediction
+from service.identification.explanation import AxisExplanation, ErrorReport, Finding, Parameter, Prediction
 from service.identification.regression import (
     Model,
     RegressionChannel,
@@ -120,7 +120,7 @@ def _verdict(
     problem: RegressionProblem, axis: str, noise: float, selection: Selection[Model]
 ) -> AxisExplanation:
     clean = selection.before.validation_rms <= CLEAN * noise
-    finding = "effect" if selection.effects else ("none" if clean else "unknown")
+    finding: Finding = "effect" if selection.effects else ("none" if clean else "unknown")
     record = problem.validate
     return AxisExplanation(
         axis=axis,

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 import numpy as np
-from scipy.stats import ttest_1samp, wilcoxon
+from scipy.stats import t as student_t
+from scipy.stats import wilcoxon
 
 from service.identification.explanation import Candidate
 from service.recording import FloatArray
@@ -67,7 +68,8 @@ def gain_p_value(before: Trial[ModelT], after: Trial[ModelT]) -> float:
     if not np.isfinite(gain).all() or np.allclose(gain, 0.0, atol=1e-12 * float(before.held_out.sum())):
         return 1.0
     by_rank = float(wilcoxon(gain, alternative="greater").pvalue)
-    by_mean = float(ttest_1samp(gain, 0.0, alternative="greater").pvalue)
+    error = max(float(np.std(gain, ddof=1)), 1e-9 * float(np.abs(gain).mean())) / np.sqrt(len(gain))
+    by_mean = float(student_t.sf(float(gain.mean()) / error, len(gain) - 1))
     samples = min(before.independent, after.independent)
     evidence = samples * np.log(before.validation_rms / max(after.validation_rms, 1e-300))
     return min(1.0, 3.0 * min(by_rank, by_mean, float(np.exp(-max(0.0, evidence)))))

@@ -1,0 +1,75 @@
+"""Bad input gives a clear error, never a confident name."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from service.captures import read_capture
+from service.identification.explain import explain
+from service.identification.explanation import CannotExplain
+from service.recording import Recording, Trace
+
+
+@pytest.fixture
+def pair(shared_dir: Path) -> tuple[Recording, Recording]:
+    train, validate = (
+        read_capture(shared_dir / "captures" / f"none-{part}.parquet") for part in ("train", "validate")
+    )
+    return train, validate
+
+
+def with_trace(recording: Recording, channel: str, trace: Trace) -> Recording:
+    return replace(recording, traces={**recording.traces, ("X1", channel): trace})
+
+
+def test_no_moves(pair: tuple[Recording, Recording]) -> None:
+    train, validate = pair
+    with pytest.raises(CannotExplain, match="0 diagnostic moves"):
+        explain([train], replace(validate, moves=()))
+
+
+def test_no_train(pair: tuple[Recording, Recording]) -> None:
+    with pytest.raises(CannotExplain, match="no train"):
+        explain([], pair[1])
+
+
+def test_flat_channel(pair: tuple[Recording, Recording]) -> None:
+    train, validate = pair
+    flat = validate.traces["X1", "acceleration"]
+    with pytest.raises(CannotExplain, match="flat"):
+        explain([train], with_trace(validate, "acceleration", Trace(flat.time, np.zeros(len(flat)))))
+
+
+def test_two_per_cent_lost(pair: tuple[Recording, Recording]) -> None:
+    train, validate = pair
+    whole = validate.traces["X1", "acceleration"]
+    kept = np.random.default_rng(3).random(len(whole)) > 0.02
+    kept[[0, -1]] = True
+    with pytest.raises(CannotExplain, match="missing"):
+        explain([train], with_trace(validate, "acceleration", Trace(whole.time[kept], whole.value[kept])))
+
+
+def test_two_rates(pair: tuple[Recording, Recording]) -> None:
+    train, validate = pair
+    whole = validate.traces["X1", "acceleration"]
+    with pytest.raises(CannotExplain, match="Hz"):
+        explain([train], with_trace(validate, "acceleration", Trace(whole.time[::2], whole.value[::2])))
+
+
+def test_moves_of_train_in_validate(pair: tuple[Recording, Recording]) -> None:
+    train, _ = pair
+    trace = train.traces["X1", "motor_torque"]
+    almost = with_trace(train, "motor_torque", Trace(trace.time, trace.value + 0.01))
+    with pytest.raises(CannotExplain, match="repeats"):
+        explain([train], almost)
+
+
+def test_another_machine(pair: tuple[Recording, Recording]) -> None:
+    train, validate = pair
+    other = replace(validate, axes=(replace(validate.axes[0], transmission=0.004),))
+    with pytest.raises(CannotExplain, match="two different axes"):
+        explain([train], other)

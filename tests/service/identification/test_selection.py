@@ -1,0 +1,50 @@
+"""The rule by which effects are taken: significant and material on what was not fitted, corrected for the search."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from service.identification.explanation import Explanation
+from service.identification.regression_effects import play
+from service.identification.selection import Trial, gain_p_value, select
+
+
+def trial(rms: float, seed: int, noise: float = 0.0) -> Trial[str]:
+    """Twenty held-out blocks of a given RMS, each with its own luck."""
+    luck = 1.0 + noise * np.random.default_rng(seed).standard_normal(20)
+    blocks = 50.0 * rms**2 * luck
+    return Trial(
+        "", rms, float(np.sqrt(blocks.sum() / 1000.0)), blocks, np.zeros(0), 50.0 if noise else 1000.0
+    )
+
+
+def test_chance_among_many_candidates_is_not_taken() -> None:
+    before = trial(1.0, 0, 0.3)
+    found = select(before, lambda _present, _taken: {f"c{k}": trial(0.985, k, 0.3) for k in range(1, 18)})
+    assert found.effects == ()
+
+
+def test_the_better_of_two_real_gains_is_taken_first() -> None:
+    table = {(): {"a": 0.8, "b": 0.6}, ("b",): {"a": 0.5}, ("b", "a"): {}}
+    found = select(
+        trial(1.0, 0),
+        lambda _present, taken: (
+            {name: trial(rms, 0) for name, rms in table[taken].items()} or {"c": trial(0.5, 0)}
+        ),
+    )
+    assert found.effects == ("b", "a")
+    assert found.after.validation_rms < found.before.validation_rms
+
+
+def test_no_gain_has_no_significance() -> None:
+    assert gain_p_value(trial(1.0, 0), trial(1.0, 0)) == 1.0
+    assert gain_p_value(trial(1.0, 0), trial(0.5, 0)) < 1e-5
+
+
+def test_play_keeps_its_state_at_rest_and_saturates() -> None:
+    state = play(np.array([0.0, 1.0, 2.0, 2.0, 1.5, -3.0]), 1.0)
+    assert state.tolist() == [0.0, 1.0, 1.0, 1.0, 0.5, -1.0]
+
+
+def test_an_explanation_of_nothing_is_still_an_object() -> None:
+    assert Explanation(()).as_json() == {"axes": []}
