@@ -66,8 +66,10 @@ def _lag(signals: StepSignals, found: Pass | None) -> float:
 
 
 def _misfit(signals: StepSignals, used: BoolArray, late: float) -> float:
+    """Sum of squares of v̄_mot less v_mas, scaled to fit best: a sensor's scale error must not look like a lag."""
     v_mas = np.interp(signals.time[used] + late, signals.acceleration.time, signals.load_speed)
-    return float(np.sum((signals.speed.value[used] - v_mas) ** 2))
+    v_mot = signals.speed.value[used]
+    return float(np.sum(v_mot**2) - np.sum(v_mot * v_mas) ** 2 / np.sum(v_mas**2))
 
 
 def softness(steps: Sequence[tuple[StepSignals, Pass]]) -> float:

@@ -98,17 +98,17 @@ def unsure(mean: Average) -> Refusal | None:
             Reason.GAP_NOT_CROSSED,
             f"Motor and load part by {mean.b * 1e6:.1f} µm, no gap; the flanks stay in touch: check brake, preload.",
         )
+    if mean.spread > LARGEST_SPREAD * mean.b:
+        return Refusal(
+            Reason.STEPS_DISAGREE,
+            f"The steps scatter by {mean.spread * 1e6:.1f} µm around {mean.b * 1e6:.1f} µm; something else moves the "
+            "load, or the gap differs from step to step: look at the single steps, repeat the run.",
+        )
     half = (mean.interval_95[1] - mean.interval_95[0]) / 2
     if half > WIDEST * mean.b:
         return Refusal(
             Reason.INTERVAL_TOO_WIDE,
             f"{mean.b * 1e6:.1f} ± {half * 1e6:.1f} µm is no value; release and impact cannot be told closely enough "
             "for so small a gap: sample faster, or choose a longer step or a larger jerk.",
-        )
-    if mean.spread > LARGEST_SPREAD * mean.b:
-        return Refusal(
-            Reason.STEPS_DISAGREE,
-            f"The steps scatter by {mean.spread * 1e6:.1f} µm around {mean.b * 1e6:.1f} µm; something else moves the "
-            "load, or the gap differs from step to step: look at the single steps, repeat the run.",
         )
     return None

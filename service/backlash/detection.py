@@ -77,7 +77,8 @@ class Pass:
     Attributes
     ----------
     t1, t2 : by the thresholds
-    t1_range : d changes its sign, d is half way down: the flanks part no earlier and, if a partner's pull and
+    t1_range : d changes its sign, or as long before t1 as it takes to half way down, where a scale error of the
+        sensor keeps d off zero; d is half way down: the flanks part no earlier and, if a partner's pull and
         not the release began the fall, hardly later
     t2_range : d changes its sign (the relative speed is largest), d is highest: the flanks meet in between
     """
@@ -136,10 +137,11 @@ def _pass(time: FloatArray, d: FloatArray, bottom: int, top: int, gamma_t1: floa
     def rises(level: float) -> float:
         return _crossing(time, d, np.flatnonzero(d[:top] <= level), level)
 
+    t1, half_way = falls(-gamma_t1), falls(0.5 * d[bottom])
     return Pass(
-        t1=falls(-gamma_t1),
+        t1=t1,
         t2=rises(GAMMA_T2_SHARE * d[top]),
-        t1_range=(falls(0.0), falls(0.5 * d[bottom])),
+        t1_range=(max(falls(0.0), t1 - abs(half_way - t1)), half_way),
         t2_range=(rises(0.0), float(time[top])),
     )
 

@@ -37,11 +37,14 @@ class _Frame:
         return HEIGHT - BOTTOM - (value - self.y[0]) / (self.y[1] - self.y[0]) * (HEIGHT - TOP - BOTTOM)
 
 
-def step_picture(recording: Recording, axis: str, index: int, result: AxisResult | None = None) -> str:
+def step_picture(recording: Recording, axis: str, index: int, result: AxisResult | None = None) -> str | None:
     """SVG of one step: accelerations [m/s²] along the travel over the time since the move's start [ms].
 
     With a result that holds the step's t1 and t2, the pass of the gap is marked and its backlash written [µm].
+    None when the recording has no such step.
     """
+    if not 0 <= index < len(recording.moves):
+        return None
     signals = axis_signals(recording, axis)
     move = recording.moves[index]
     step = _step_of(result, index)

@@ -3,8 +3,7 @@
 Zenn, Keck, Beck, Herold, Melz: Automated backlash determination on rack-and-pinion drives, AIM 2023.
 
     signals      motor and load acceleration, forward, at the output; low-passed for the integration
-    plausibility whether they can be what was commanded
-    pairing      whether a gantry's sensors are swapped
+    admission    whether they can be what was commanded, on the axis they are said to be of
     alignment    what the accelerometer's clock is late, how soft the drive is
     detection    t1 by gamma_t1, t2 by gamma_t2 = 0.5·max
     integration  b by eq. (10)
@@ -23,14 +22,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from service.backlash import plausibility
+from service.backlash.admission import admit, whole_steps
 from service.backlash.alignment import LARGEST, SMALLEST, lag, softness
 from service.backlash.averaging import FEWEST_STEPS, Average, StepValue, average, outlier, too_few, unsure
 from service.backlash.detection import SEARCH, Pass, find_pass, run_noise
 from service.backlash.integration import parted
-from service.backlash.pairing import paired
 from service.backlash.results import AxisResult, Reason, Refusal, StepResult
-from service.backlash.signals import StepSignals, axis_signals, for_integration, step_signals
+from service.backlash.signals import StepSignals, for_integration
 from service.recording import Recording
 
 METHOD = "paper"
@@ -39,30 +37,22 @@ KEPT_CLEAR = 0.005
 """No sample may be lost so close to the pass [s]: a lost one bends the filters' output around it. Chosen: the
 half width of both filters at 500 Hz."""
 
+LEAST_FREE = 0.25
+"""b over j_lim·(t2 − t1)³/6, at least. Chosen: friction and a partner's pull leave a third and more of it."""
+
 GANTRY_ACCURACY = 0.2
 """Accuracy that section V reports of the method on a gantry, relative; no interval of one is narrower."""
 
 
 def paper(recording: Recording, axis: str) -> AxisResult:
     """Backlash of one axis [m] by the paper's thresholds with its 95 % interval, or a named refusal."""
-    refusal = plausibility.recorded(recording, axis)
-    whole = {} if refusal else _signals(recording, axis, 0.0)
-    refusal = refusal or plausibility.moved(list(whole.values())) or paired(recording, axis)
+    refusal = admit(recording, axis)
     if refusal:
         return _refused(axis, refusal)
-    tau = _skew(recording, axis, list(whole.values()))
+    tau = _skew(recording, axis)
     if abs(tau) > LARGEST:
         return _refused(axis, _far_off(tau))
     return _judged(recording, axis, _values(recording, axis, tau), tau)
-
-
-def _signals(recording: Recording, axis: str, tau: float) -> dict[int, StepSignals]:
-    """The steps that were recorded whole, by index, the accelerometer's stamps set back by tau [s]."""
-    signals = axis_signals(recording, axis)
-    if signals is None:
-        return {}
-    steps = (step_signals(signals, index, move, tau) for index, move in enumerate(recording.moves))
-    return {step.index: step for step in steps if step is not None}
 
 
 def _passes(steps: Mapping[int, StepSignals]) -> dict[int, Pass | Refusal]:
@@ -71,19 +61,19 @@ def _passes(steps: Mapping[int, StepSignals]) -> dict[int, Pass | Refusal]:
     return {index: find_pass(signals, noise) for index, signals in steps.items()}
 
 
-def _skew(recording: Recording, axis: str, whole: Sequence[StepSignals]) -> float:
+def _skew(recording: Recording, axis: str) -> float:
     """τ [s] of the accelerometer's stamps: roughly, then without the passes; 0 where too small to be told."""
-    tau = lag(whole)
+    tau = lag(list(whole_steps(recording, axis).values()))
     if abs(tau) > LARGEST:
         return tau
-    steps = _signals(recording, axis, tau)
+    steps = whole_steps(recording, axis, tau)
     tau += lag(list(steps.values()), {i: p for i, p in _passes(steps).items() if isinstance(p, Pass)})
     return tau if abs(tau) > SMALLEST else 0.0
 
 
 def _values(recording: Recording, axis: str, tau: float) -> list[tuple[StepValue, Pass] | Refusal]:
     """b of every step with its pass, or why there is none; the drive's softness is that of the whole run."""
-    steps = _signals(recording, axis, tau)
+    steps = whole_steps(recording, axis, tau)
     passes = _passes(steps)
     c = softness([(steps[index], found) for index, found in passes.items() if isinstance(found, Pass)])
     gantry = recording.partner(axis) is not None
@@ -102,7 +92,21 @@ def _step(
         return lost
     if isinstance(found, Refusal):
         return found
-    return _bounded(for_integration(signals), found, c, gantry), found
+    value = _bounded(for_integration(signals), found, c, gantry)
+    return _dragged(signals, found, value.b) or (value, found)
+
+
+def _dragged(signals: StepSignals, found: Pass, b: float) -> Refusal | None:
+    """Refuse a pass that is far too long for its b: a free load would have gained j_lim·T³/6."""
+    free = signals.move.jerk * (found.t2 - found.t1) ** 3 / 6.0
+    if b > LEAST_FREE * free:
+        return None
+    return Refusal(
+        Reason.NO_RELEASE,
+        f"Motor and load drift apart from {found.t1:.4f} s on, {b * 1e6:.1f} µm where a free load gains "
+        f"{free * 1e6:.0f}: they drift before the flanks part, by a gantry partner's pull or a soft drive, and t1 "
+        "cannot be told; an estimate that models the pull is needed.",
+    )
 
 
 def _bounded(signals: StepSignals, found: Pass, c: float, gantry: bool) -> StepValue:

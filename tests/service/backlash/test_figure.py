@@ -14,7 +14,12 @@ SVG = "{http://www.w3.org/2000/svg}"
 
 
 def drawn(source: Recording, index: int, marked: bool) -> ElementTree.Element:
-    return ElementTree.fromstring(step_picture(source, "X1", index, paper(source, "X1") if marked else None))
+    return parsed(step_picture(source, "X1", index, paper(source, "X1") if marked else None))
+
+
+def parsed(picture: str | None) -> ElementTree.Element:
+    assert picture is not None
+    return ElementTree.fromstring(picture)
 
 
 def texts(root: ElementTree.Element) -> str:
@@ -48,9 +53,13 @@ def test_without_a_result_nothing_is_marked() -> None:
 def test_a_channel_that_is_missing_is_said() -> None:
     source = recording(Run())
     blind = replace(source, traces={("X1", "motor_speed"): source.traces["X1", "motor_speed"]})
-    assert "not recorded" in texts(ElementTree.fromstring(step_picture(blind, "X1", 0)))
+    assert "not recorded" in texts(parsed(step_picture(blind, "X1", 0)))
 
 
 def test_names_cannot_break_the_markup() -> None:
     source = recording(Run(), axis="X<1>&")
-    ElementTree.fromstring(step_picture(source, "X<1>&", 0))
+    parsed(step_picture(source, "X<1>&", 0))
+
+
+def test_a_step_that_is_not_there_has_no_picture() -> None:
+    assert step_picture(recording(Run(count=3)), "X1", 3) is None
