@@ -120,5 +120,10 @@ def with_reconstructed_motion(measured: Measured, problem: Problem, fit: Fit) ->
         )
         loads = [(g.time + skew, fit.response.force[0, t, x]) for t, g in enumerate(problem.grids)]
         balance = motor_balance(speed, transmission, loads, torque)
-        columns.append([reconstructed_motion(speed, transmission, load, torque, balance) for load in loads])
+        columns.append(
+            [
+                reconstructed_motion(speed, transmission, load, torque, balance, measured.plain[x])
+                for load in loads
+            ]
+        )
     return replace(problem, motion=tuple(zip(*columns, strict=True)))

@@ -30,6 +30,10 @@ FAR = 4.0
 OVERFLOWN = 1e8
 """A derivative beyond this is a lane that left the range of numbers; its direction is left alone."""
 
+BALANCE_TIME = 0.004
+"""Time over which the motor's acceleration is averaged for where the flank holds the load at the start [s]: long
+against a speed sample, so that it does not hang on how the motor's motion is interpolated."""
+
 LADDER = np.array([0.01, 0.1, 0.5, 2.0, 10.0, 1e3])
 """Dampings tried at once around the last good one: lanes cost less than another round."""
 
@@ -58,7 +62,7 @@ class Problem:
         return np.array([float(g.s) for g in self.grids])
 
     @property
-    def K(self) -> int:
+    def samples(self) -> int:
         return max(g.measured.shape[1] for g in self.grids)
 
     def first_steps(self, n: int) -> Problem:
@@ -117,13 +121,13 @@ def values_of(parameters: Sequence[Parameter], shared: FloatArray) -> dict[str, 
 def motor_coefficients(problem: Problem, skews: FloatArray) -> FloatArray:
     """Motor motion of every set, step and axis on the grid: skews (S, X) [s] -> (S, T, K, X, 5)."""
     S, X = skews.shape
-    out = np.empty((S, len(problem.grids), problem.K, X, 5))
+    out = np.empty((S, len(problem.grids), problem.samples, X, 5))
     for x in range(X):
         levels, of = np.unique(skews[:, x], return_inverse=True)
         for t, grid in enumerate(problem.grids):
             for u, skew in enumerate(levels):
                 out[of == u, t, :, x] = coefficients(
-                    problem.motion[t][x], grid.start + skew, grid.h, problem.K
+                    problem.motion[t][x], grid.start + skew, grid.h, problem.samples
                 )
     return out
 
@@ -137,15 +141,11 @@ def load_start(
     for x, name in enumerate(problem.model.axes):
         links = (*LINKS[problem.model.lumps], "contact")
         k = 1.0 / sum(1.0 / values[f"{name}.{link}_stiffness"] for link in links)
-        motor, s = c[:, :, 0, x], problem.s
-        pull = (
-            motor[..., 2]
-            + s * values[f"{name}.coulomb"][:, None]
-            + values[f"{name}.viscous"][:, None] * motor[..., 1]
-        )
-        wind_up = pull / k[:, None] + 0.5 * s * values[f"{name}.backlash"][:, None]
-        out[:, :, x, 0] = motor[..., 0] - wind_up
-        out[:, :, x, 1] = motor[..., 1] - motor[..., 3] / k[:, None]
+        motor, s, n = c[:, :, 0, x], problem.s, max(1, round(BALANCE_TIME / problem.grids[0].h))
+        a = (c[:, :, n, x, 1] - motor[..., 1]) / (n * problem.grids[0].h)
+        pull = a + s * values[f"{name}.coulomb"][:, None] + values[f"{name}.viscous"][:, None] * motor[..., 1]
+        out[:, :, x, 0] = motor[..., 0] - pull / k[:, None] - 0.5 * s * values[f"{name}.backlash"][:, None]
+        out[:, :, x, 1] = motor[..., 1]
     return out + local * problem.local_spread
 
 

@@ -24,6 +24,10 @@ HOPELESS = 1e5
 """Misfit from which on a start is given up: hundreds of times the noise, the motor's force means nothing."""
 
 
+GOOD = 1.15
+"""Misfit at which no further start is tried: only noise is left."""
+
+
 @dataclass(frozen=True)
 class Effort:
     """candidates : random machines; starts : those fitted; rounds, refine : of each pass, few and all steps."""
@@ -78,9 +82,14 @@ def from_starts(
     few = problem.first_steps(SEARCH_STEPS)
     points = best_starts(problem, candidates(problem, guesses, effort.candidates), effort.starts)
     if problem.model.lumps == 2:
-        points.append(from_lighter_chain(measured, problem, guesses, effort))
-    ends = [passes(measured, few, Point(p.shared, p.local[:SEARCH_STEPS]), effort.rounds) for p in points]
-    return sorted((min(end, key=lambda o: o.fit.cost) for end in ends), key=lambda o: o.fit.cost)
+        points.insert(1, from_lighter_chain(measured, problem, guesses, effort))
+    ends: list[Outcome] = []
+    for p in points:
+        tried = passes(measured, few, Point(p.shared, p.local[:SEARCH_STEPS]), effort.rounds)
+        ends.append(min(tried, key=lambda o: o.fit.cost))
+        if ends[-1].fit.misfit < GOOD:
+            break
+    return sorted(ends, key=lambda o: o.fit.cost)
 
 
 def from_lighter_chain(
@@ -120,9 +129,11 @@ def staged_fit(measured: Measured, model: Model, guesses: dict[str, Guess], effo
     problem = problem_of(measured, model, LOCAL_SPREAD)
     starts = from_starts(measured, problem, guesses, effort)
     begin = Point(starts[0].fit.point.shared, repeated(problem, starts[0].fit.point.local))
-    settled = fit(replace(problem, free=(False,) * len(model.parameters)), begin, 3, 1.0)
-    whole = with_reconstructed_motion(measured, problem, settled)
-    begin = settled.point
+    whole = problem
+    for _ in range(2):
+        held = replace(whole, free=(False,) * len(model.parameters))
+        settled = fit(held, begin, 3, 1.0)
+        whole, begin = with_reconstructed_motion(measured, whole, settled), settled.point
     ends = passes(measured, whole, begin, effort.refine)
     best = min(ends, key=lambda o: o.fit.cost)
     return Staged(best, ends, starts)

@@ -1,4 +1,9 @@
-"""Forward model of issue-free parts: load acceleration predicted from the measured motor motion."""
+"""Forward model: the load's acceleration predicted from the measured motion of the motor, eqs. (2)-(9).
+
+What a fit compares with the accelerometer. The structure and its parameters are in driven_model (effects that
+the paper's model lacks are appended there), the motor's motion in driven_motion, and the propagation, exact
+between contact events, in driven_propagation. All parameter sets and all steps are lanes of one pass.
+"""
 
 from __future__ import annotations
 

@@ -132,6 +132,7 @@ def reconstructed_motion(
     load: tuple[FloatArray, FloatArray],
     torque: Trace | None,
     balance: Balance,
+    plain: PPoly,
 ) -> PPoly:
     """Position [m] around one step: eq. (1) between the samples, a spline of the difference through them."""
     time, force = load
@@ -143,4 +144,7 @@ def reconstructed_motion(
         acceleration = acceleration + balance.torque * np.interp(knots, torque.time, torque.value)
     v = np.concatenate(([0.0], np.cumsum(0.5 * np.diff(knots) * (acceleration[1:] + acceleration[:-1]))))
     left = CubicSpline(part.time, part.value * transmission - np.interp(part.time, knots, v))
-    return CubicHermiteSpline(knots, v + left(knots), acceleration + left(knots, 1)).antiderivative()
+    position = CubicHermiteSpline(knots, v + left(knots), acceleration + left(knots, 1)).antiderivative()
+    # The two motors of a gantry keep their distance from step to step: the position goes on from the whole run's.
+    position.c[-1] += float(plain(knots[0]))
+    return position

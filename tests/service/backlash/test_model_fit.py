@@ -1,0 +1,58 @@
+"""The model fit's refusals, and its value on the shared captures against their truth."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from service.backlash.model_fit import model_fit, model_fit_axes
+from service.backlash.results import Reason
+from service.captures import read_capture
+from service.recording import AxisDescription, Move, Recording, Trace
+
+
+def empty(channels: tuple[str, ...], moves: int = 10, gantry: bool = False) -> Recording:
+    """A recording of nothing, with the given channels of X1."""
+    trace = Trace(np.arange(0.0, 5.0, 1e-3), np.zeros(5000))
+    steps = tuple(Move(0.35 + 0.45 * k, 1, 0.004, 200.0, 0.086) for k in range(moves))
+    pairs = (("X1", "X2"),) if gantry else ()
+    axes = (AxisDescription("X1", 0.003),)
+    return Recording("m", axes, {("X1", c): trace for c in channels}, steps, pairs)
+
+
+def test_names_the_missing_channel() -> None:
+    result = model_fit(empty(("motor_speed",)), "X1")
+    assert (result.verdict, result.reason) == ("refused", Reason.CHANNEL_MISSING)
+
+
+def test_too_few_steps_are_refused() -> None:
+    assert model_fit(empty(("motor_speed", "acceleration"), moves=2), "X1").reason is Reason.TOO_FEW_STEPS
+    assert model_fit(empty(("motor_speed", "acceleration"), moves=0), "X1").reason is Reason.NO_MOVES
+
+
+def test_one_axis_of_a_gantry_alone_is_refused() -> None:
+    result = model_fit(empty(("motor_speed", "acceleration"), gantry=True), "X1")
+    assert (result.verdict, result.reason) == ("refused", Reason.GANTRY_PARTNER_MISSING)
+
+
+def test_single_axis_within_the_goal(shared_dir: Path) -> None:
+    path = shared_dir / "captures" / "none-train.parquet"
+    truth = json.loads((shared_dir / "captures" / "none-truth.json").read_text())["backlash_m"]["X1"]
+    result = model_fit_axes(read_capture(path), "X1")["X1"]
+    assert result.verdict == "ok", result.detail
+    assert result.backlash == pytest.approx(truth, abs=0.3e-6)
+    assert result.interval_95 is not None
+    assert result.interval_95[1] - result.interval_95[0] < 1.4e-6
+    assert all(step.t1 is not None and step.t2 is not None and step.t1 < step.t2 for step in result.steps)
+
+
+def test_torque_is_not_needed(shared_dir: Path) -> None:
+    truth = json.loads((shared_dir / "captures" / "none-truth.json").read_text())["backlash_m"]["X1"]
+    whole = read_capture(shared_dir / "captures" / "none-train.parquet")
+    without = replace(whole, traces={k: t for k, t in whole.traces.items() if k[1] != "motor_torque"})
+    result = model_fit(without, "X1")
+    assert result.backlash == pytest.approx(truth, abs=0.5e-6)
