@@ -101,7 +101,7 @@ def unfit_for_use(recording: Recording, axis: str, axes: tuple[str, ...]) -> Axi
                     axis, Reason.CHANNEL_MISSING, f"The channel {channel} of {axis} was not recorded; map it."
                 )
             if recording.trace(name, channel) is None:
-                detail = f"{axis} is moved by {name} too, of which {channel} is missing; record both axes of the gantry."
+                detail = f"{axis} is moved by {name} too, its {channel} is missing; record both axes of the gantry."
                 return refused(axis, Reason.GANTRY_PARTNER_MISSING, detail)
     return None
 
@@ -186,7 +186,7 @@ def judged(recording: Recording, measured: Measured, staged: Staged, x: int) -> 
         )
         return refused(name, Reason.MISFIT, detail, results)
     if not np.any(np.isfinite(steps.t2)):
-        detail = "In no step did the flanks change sides; the step is too short or slow for the gap, or the load is held."
+        detail = "The flanks changed sides in no step; the step is too short or slow for the gap or the load is held."
         return refused(name, Reason.GAP_NOT_CROSSED, detail, results)
     if half > 0.5 * value:
         detail = (

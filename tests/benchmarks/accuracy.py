@@ -72,7 +72,7 @@ def report(name: str, rows: list[tuple[float, float, float]], refused: int, time
     print(
         f"{name:20s} n {len(rows):4d} refused {refused:3d} | median {np.median(error):7.3f} "
         f"p95 {np.quantile(error, 0.95):7.3f} worst {error.max():8.3f} µm | within goal "
-        f"{np.mean(error <= limit):5.1%} | covered {np.mean(error <= half):5.1%} half width {np.median(half):6.3f} µm | "
+        f"{np.mean(error <= limit):5.1%} | covered {np.mean(error <= half):5.1%} half {np.median(half):6.3f} µm | "
         f"{np.median(times):5.2f} s (most {max(times):5.2f}) | {peak:4.0f} MB",
         flush=True,
     )

@@ -95,15 +95,14 @@ def test_is_smooth_in_the_backlash() -> None:
     assert second.max() < 0.2 * first
 
 
-def test_a_very_stiff_light_chain_is_the_chain_without_lumps() -> None:
+def test_a_stiff_light_lump_in_series_is_the_chain_without_lumps() -> None:
+    """Springs in series: 1/k = 1/k_contact + 1/k_drive; the lump's own mode is an order of magnitude faster."""
     v = values()
-    stiff = v | {
-        f"X1.drive_{name}": np.array([x])
-        for name, x in (("stiffness", 1e7), ("damping_ratio", 0.05), ("mass", 0.02))
-    }
-    without, with_lump = driven(v, start(v)), driven(stiff, start(v), Model(("X1",), lumps=1))
-    settled = slice(20, None)
-    assert np.sqrt(np.mean((without - with_lump)[settled] ** 2)) < 0.15
+    drive = {"stiffness": 1e7, "damping_ratio": 0.05, "mass": 0.02}
+    split = {f"X1.drive_{name}": np.array([x]) for name, x in drive.items()}
+    split["X1.contact_stiffness"] = 1.0 / (1.0 / v["X1.contact_stiffness"] - 1e-7)
+    difference = driven(v, start(v)) - driven(v | split, start(v), Model(("X1",), lumps=1))
+    assert np.sqrt(np.mean(difference[20:] ** 2)) < 0.1
 
 
 def test_bridge_pulls_both_ways_and_keeps_the_momentum() -> None:
