@@ -32,6 +32,9 @@ CLEAN = 1.3
 """Held-out RMS over the sensor's noise up to which nothing is missing (the issue's own bound)."""
 MATERIAL = 0.15
 """Share of the held-out RMS that an effect must remove: what a wrong structure imitates stays below (chosen)."""
+FURTHER = (0.4, 3.5)
+"""For a second effect: the share it must remove, and the held-out RMS over the noise that must be left. Below
+it the residual is that of an impact placed within a sample, which many effects imitate (measured on captures)."""
 EARLY = 0.5
 """Share of a held-out move in which the pinion's zero is found again; the backlash pass comes after it."""
 LOOKED_AT = 5
@@ -70,6 +73,7 @@ def explain_axes(
             challenge=lambda present, best: _challenged(scene, present, best),
             material=MATERIAL,
             enough=CLEAN,
+            further=FURTHER,
         )
     return verdict(scene.whole[0], scene.held_out, selection, validate)
 

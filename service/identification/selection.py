@@ -89,6 +89,7 @@ def select(
     challenge: Callable[[Trial[ModelT], Trial[ModelT]], Trial[ModelT]] = lambda present, _best: present,
     material: float = MATERIAL,
     enough: float = 0.0,
+    further: tuple[float, float] | None = None,
 ) -> Selection[ModelT]:
     """Add effects one after the other until none is significant and material.
 
@@ -96,7 +97,8 @@ def select(
     ``refine`` refits the one that was taken together with those before it; ``challenge(present, best)`` gives
     the present model another chance from where the best candidate ended, so that no effect is named for having
     led the fit out of a poor valley. ``material`` is the share of the held-out RMS that an effect must remove,
-    ``enough`` the held-out RMS at which nothing is left to explain.
+    ``enough`` the held-out RMS at which nothing is left to explain; ``further`` the same two for every effect
+    after the first, where what is left may be the fit's own imperfection.
     """
     present: Trial[ModelT] = before
     taken: tuple[str, ...] = ()
@@ -117,6 +119,7 @@ def select(
         log += [_only(best, candidate) for candidate in judged.values()]
         rivals += [(best, name) for name in passed if name != best and _alike(trials[best], trials[name])]
         present, taken = refine(trials[best]), (*taken, best)
+        material, enough = further or (material, enough)
         tell(f"{best}: held-out RMS {present.validation_rms:.4g}")
     return Selection(first, present, taken, tuple(log), tuple(rivals))
 
