@@ -30,12 +30,14 @@ GOOD = 1.15
 
 @dataclass(frozen=True)
 class Effort:
-    """candidates : random machines; starts : those fitted; rounds, refine : of each pass, few and all steps."""
+    """candidates : random machines; starts : those fitted; rounds, refine : of each pass, few and all steps; seed of
+    the random machines."""
 
     candidates: int = 160
     starts: int = 3
     rounds: tuple[int, ...] = (7, 5, 5)
     refine: tuple[int, ...] = (6, 5, 5)
+    seed: int = 1
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,7 @@ def from_starts(
 ) -> list[Outcome]:
     """Passes on a few steps from each of the best random machines; the best of each, best first."""
     few = problem.first_steps(SEARCH_STEPS)
-    points = best_starts(problem, candidates(problem, guesses, effort.candidates), effort.starts)
+    points = best_starts(problem, candidates(problem, guesses, effort.candidates, effort.seed), effort.starts)
     if problem.model.lumps == 2:
         points.insert(1, from_lighter_chain(measured, problem, guesses, effort))
     ends: list[Outcome] = []
@@ -98,7 +100,7 @@ def from_lighter_chain(
     """A start from the chain with one lump, which has fewer minima: its drive split into gear and pinion."""
     light = problem_of(measured, replace(problem.model, lumps=1), LOCAL_SPREAD)
     few = light.first_steps(SEARCH_STEPS)
-    points = best_starts(light, candidates(light, guesses, effort.candidates), 2)
+    points = best_starts(light, candidates(light, guesses, effort.candidates, effort.seed), 2)
     fits = [fit(few, Point(p.shared, p.local[:SEARCH_STEPS]), effort.rounds[0], 1.0) for p in points]
     best = min(fits, key=lambda f: f.cost)
     values = {p.name: best.value(light.model, p.name) for p in light.model.parameters}

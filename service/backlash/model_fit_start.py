@@ -15,7 +15,6 @@ from service.backlash.model_fit_problem import Point, Problem, residuals, respon
 from service.dynamics.driven_model import Parameter
 from service.recording import FloatArray, Recording
 
-CANDIDATES = 160
 SEARCH_STEPS = 4
 
 
@@ -49,9 +48,9 @@ def scattered(
     return parameter.internal(centre) + widths * rng.normal(0.0, 1.0, n)
 
 
-def candidates(problem: Problem, guesses: dict[str, Guess], n: int = CANDIDATES) -> list[Point]:
-    """Points drawn around the guesses, from a fixed seed: the same recording gives the same answer."""
-    rng = np.random.default_rng(20231)
+def candidates(problem: Problem, guesses: dict[str, Guess], n: int, seed: int) -> list[Point]:
+    """Points drawn around the guesses, from a given seed: the same recording gives the same answer."""
+    rng = np.random.default_rng(seed)
     springs = 1 + problem.model.lumps
     shared = np.zeros((n, len(problem.model.parameters)))
     for k, p in enumerate(problem.model.parameters):
