@@ -16,7 +16,7 @@ from service.identification.explanation import (
     SeparatingMove,
 )
 from service.identification.selection import Selection, Trial
-from service.recording import FloatArray, Recording
+from service.recording import FloatArray
 
 CLEAN = 1.3
 EXPLAINED = 0.97
@@ -28,7 +28,7 @@ WIDENED = 3.0
 
 
 def verdict(
-    train: AxisProblem, held_out: AxisProblem, selection: Selection[Fit], validate: Recording
+    train: AxisProblem, held_out: AxisProblem, selection: Selection[Fit]
 ) -> tuple[AxisExplanation, ...]:
     """One verdict per axis of the problem."""
     before, after = _states(train, held_out, selection.before), _states(train, held_out, selection.after)

@@ -1,0 +1,43 @@
+"""The acceleration channel: a clean machine yields nothing, and what is said of it can be stored and drawn."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from service.captures import read_capture
+from service.identification.explain import explain
+
+
+def test_a_clean_machine_yields_nothing(shared_dir: Path) -> None:
+    train, validate = (
+        read_capture(shared_dir / "captures" / f"none-{part}.parquet") for part in ("train", "validate")
+    )
+    truth = json.loads((shared_dir / "captures" / "none-truth.json").read_text())["backlash_m"]["X1"]
+    told: list[str] = []
+    found = explain([train], validate, told.append)
+    axis = found.axes[0]
+    assert (axis.finding, axis.effects, axis.channel) == ("none", (), "acceleration")
+    assert axis.after.validation_rms <= 1.3 * axis.noise_rms
+    assert axis.after.backlash == pytest.approx(truth, abs=0.5e-6)
+    assert axis.after.interval_95 is not None
+    low, high = axis.after.interval_95
+    assert low < truth < high
+    assert told, "progress is shown where a person waits"
+    assert json.loads(json.dumps(found.as_json()))["axes"][0]["candidates"] == []
+    rows = found.predictions()
+    assert {len(column) for column in rows.values()} == {2 * len(axis.predictions[0].time)}
+    measured = dict(
+        zip(
+            validate.traces["X1", "acceleration"].time,
+            validate.traces["X1", "acceleration"].value,
+            strict=True,
+        )
+    )
+    errors = [
+        measured[t] - v for t, v in zip(axis.predictions[1].time, axis.predictions[1].value, strict=True)
+    ]
+    assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(axis.after.validation_rms)
