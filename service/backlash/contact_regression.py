@@ -47,6 +47,10 @@ FLOOR = 0.3e-6
 TYPICAL_C = 4e-6
 """Size of c = M/k [s²] with which the sensor's noise enters through the regressor a: 400 kg on 1e8 N/m."""
 
+STRUCTURE = 0.02
+"""Standard deviation of what the equation is worth, as a share of the backlash: a contact that hardens bends c·a.
+Chosen from our own machines with impurities, see tests/benchmarks/accuracy.py."""
+
 DEGREE = 7
 """Degree of the smooth course of one phase in `instruments`: the contact swings some periods after the impact."""
 
@@ -176,6 +180,13 @@ def contact_regression(recording: Recording, axis: str) -> AxisResult:
             return refused(
                 axis, Reason.CHANNEL_MISSING, f"The channel {channel} of {axis} was not recorded; map it."
             )
+    if recording.partner(axis) is not None:
+        return refused(
+            axis,
+            Reason.INTERVAL_TOO_WIDE,
+            f"The pull of {recording.partner(axis)} over the bridge is not in this closed form and may pass for half "
+            "the gap; take the joint fit of both axes (model_fit).",
+        )
     steps = contact_steps(recording, axis)
     if len(steps) < min(MIN_STEPS, len(recording.moves)):
         return refused(
@@ -192,7 +203,7 @@ def judged(axis: str, recording: Recording, steps: Sequence[ContactStep]) -> Axi
     found = solve(steps)
     value, error, kept = robust_mean(found.b)
     rivals = [robust_mean(solve(steps, m, order).b)[0] for m, order in zip(MARGINS, (1, 2, 2), strict=True)]
-    half = half_width_95(error, int(np.sum(kept)) - 1, rivals, value)
+    half = half_width_95(float(np.hypot(error, STRUCTURE * value)), int(np.sum(kept)) - 1, rivals, value)
     results = step_results(recording, steps, found.b, kept)
     if value <= 0.0 or value < half:
         return refused(

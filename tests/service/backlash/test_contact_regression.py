@@ -107,3 +107,11 @@ def test_missing_channel_is_named() -> None:
 def test_no_moves_is_named() -> None:
     whole = recording(60e-6)
     assert contact_regression(Recording("m", whole.axes, whole.traces), "X1").reason is Reason.NO_MOVES
+
+
+def test_an_axis_of_a_gantry_is_left_to_the_joint_fit() -> None:
+    whole = recording(60e-6)
+    coupled = Recording(whole.machine, whole.axes, whole.traces, whole.moves, (("X1", "X2"),))
+    result = contact_regression(coupled, "X1")
+    assert result.verdict == "refused"
+    assert result.reason is Reason.INTERVAL_TOO_WIDE
