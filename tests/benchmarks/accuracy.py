@@ -88,7 +88,10 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--methods", default=",".join(METHODS))
     options = parser.parse_args()
-    paths = sorted(options.folder.glob("*.parquet"))[options.first :: options.every]
+    known = [
+        p for p in sorted(options.folder.glob("*.parquet")) if p.with_name(p.stem + "-truth.json").exists()
+    ]
+    paths = known[options.first :: options.every]
     for name in options.methods.split(","):
         rows, refused, times = [], 0, []
         for path in paths:
