@@ -39,7 +39,7 @@ def test_the_environment_overrides_the_file(monkeypatch: pytest.MonkeyPatch) -> 
     [
         ("gear_ratio = 10.0\ntravel_min_m = -0.75", "gear_ration = 10.0\ntravel_min_m = -0.75", "gear_ratio"),
         ("[schedule]", "[shedule]", "is schedule meant"),
-        ("step_length_m = 0.004", "step_length_m = 1.9", "longer than its travel"),
+        ("step_length_m = 0.004", "step_length_m = 3.5", "longer than its travel"),
         ("jerk_m_s3 = 200.0", "jerk_m_s3 = 9000.0", "a_max"),
         ("velocity_limit_m_s = 1.5", "velocity_limit_m_s = 0.05", "v_max"),
         ("nominal_rate_hz = 4000.0", "nominal_rate_hz = 8000.0", "at most 70%"),

@@ -92,11 +92,20 @@ export const postJson = async (path, body, headers = {}) =>
     body: JSON.stringify(body),
   })).json();
 
+const waiting = new WeakMap();
+
 // Open a dialog of the page and wait until it is closed; true when it was confirmed.
+// A close event comes late: opened again at once, the dialog must not take the one before for its own.
 export function confirmed(dialog) {
+  waiting.get(dialog)?.(false);
   return new Promise((resolve) => {
+    waiting.set(dialog, resolve);
+    dialog.onclose = () => {
+      if (dialog.open) return;
+      waiting.delete(dialog);
+      resolve(dialog.returnValue === "ok");
+    };
     dialog.returnValue = "";
-    dialog.addEventListener("close", () => resolve(dialog.returnValue === "ok"), { once: true });
     dialog.showModal();
   });
 }
