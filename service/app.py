@@ -4,7 +4,7 @@
         flankwatch.box.request("X1")
 
 The parts are opened in the order in which they need one another and closed in reverse: store, analysis
-process, motion process, box of runs, scheduler.
+process, motion process, refinement, box of runs, scheduler.
 """
 
 from __future__ import annotations
@@ -28,9 +28,10 @@ from service.config import Settings
 from service.motion.client import MotionClient
 from service.motion.machine import open_machine
 from service.motion.process import MachineOpener
-from service.runs.analysis import AnalysisProcess
+from service.runs.analysis import Analysis
 from service.runs.box import Box
 from service.runs.diagnostic_run import Workshop
+from service.runs.refinement import Refinement
 from service.runs.scheduler import Scheduler
 from service.store.database import open_database
 from service.store.records import AxisRecord, RunRecord
@@ -50,6 +51,7 @@ class House:
     repository: Repository
     box: Box
     workshop: Workshop
+    refinement: Refinement
 
     def missing(self) -> Sequence[str]:
         """What keeps the service from measuring, in sentences; empty when nothing does."""
@@ -84,10 +86,14 @@ def house(settings: Settings, machine: MachineOpener = open_machine) -> Iterator
         repository.declare_axes(_axis_records(settings))
         for run_id in repository.fail_interrupted(_now()):
             log.warning("run %d was interrupted by the end of the service before", run_id)
-        with AnalysisProcess() as analysis, MotionClient(settings, machine) as motion:
+        with Analysis() as analysis, MotionClient(settings, machine) as motion:
             workshop = Workshop(motion, analysis, repository, settings.storage.captures, _now)
-            with Box(settings, workshop, motion.abort) as box, Scheduler(settings, workshop, box):
-                yield House(settings, repository, box, workshop)
+            with (
+                Refinement(workshop) as refinement,
+                Box(settings, workshop, abort=motion.abort, refine=refinement.submit) as box,
+                Scheduler(settings, workshop, box),
+            ):
+                yield House(settings, repository, box, workshop, refinement)
     finally:
         database.close()
 

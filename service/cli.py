@@ -73,27 +73,25 @@ def progress_bar() -> Progress:
 def analyze(
     files: Annotated[list[Path], typer.Argument(help="Captures: Parquet, or CSV with a .json beside it.")],
     as_json: JsonOption = False,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="The paper's method only: at once, several percent.")
+    ] = False,
 ) -> None:
     """Determine the backlash in recorded runs, of this machine or of any other."""
-    from service.backlash.estimate import estimate
-    from service.captures import CaptureError, read_capture
+    from service.analyze import analysed
     from service.captures.report import axis_result_to_json
 
     failed = False
     with progress_bar() as bar:
-        for path in bar.track(files, description="analyse"):
-            try:
-                results = estimate(read_capture(path))
-            except CaptureError as error:
-                complain(str(error))
+        for answer in bar.track(analysed(files, quick), total=len(files), description="analyse"):
+            if answer.error is not None:
+                complain(answer.error)
                 failed = True
-                continue
-            if as_json:
-                print_json(
-                    {"capture": str(path), "axes": [axis_result_to_json(result) for result in results]}
-                )
+            elif as_json:
+                axes = [axis_result_to_json(result) for result in answer.results]
+                print_json({"capture": str(answer.path), "axes": axes})
             else:
-                print_results(str(path), results)
+                print_results(str(answer.path), answer.results)
     if failed:
         raise typer.Exit(1)
 
@@ -198,7 +196,7 @@ def picture(
     step: Annotated[int, typer.Option(min=0, help="Index of the step.")] = 0,
 ) -> None:
     """Draw one step of a capture: motor and load acceleration, t1 and t2."""
-    from service.backlash.estimate import estimate
+    from service.backlash.estimate import immediate
     from service.backlash.figure import step_picture
     from service.captures import CaptureError, read_capture
 
@@ -208,7 +206,7 @@ def picture(
         complain(str(error))
         raise typer.Exit(1) from None
     name = axis or recording.axes[0].name
-    result = next((result for result in estimate(recording) if result.axis == name), None)
+    result = next((result for result in immediate(recording) if result.axis == name), None)
     drawn = None if result is None else step_picture(recording, name, step, result)
     if drawn is None:
         complain(f"{file}: there is no step {step} of axis {name!r} to draw")

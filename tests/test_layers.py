@@ -31,6 +31,7 @@ ALLOWED: dict[str, set[str]] = {
         "service.api", "service.runs", "service.motion", "service.store", "service.captures", "service.config",
         "service.backlash", "service.monitoring",
     },
+    "service.analyze": {"service.backlash", "service.captures"},
     "service.remote": set(),
     "service.demo": {
         "drivers.sim", "drivers", "service.app", "service.dynamics", "service.config", "service.runs",

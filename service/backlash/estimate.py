@@ -1,12 +1,58 @@
-"""The entry of the analysis: one result per axis of a recording, by the best method whose verdict is ok."""
+"""The entry of the analysis: one result per axis of a recording, by the best method whose verdict is ok.
+
+immediate   the paper's method, a tenth of a second; several percent, and an interval that says so
+refined     the model fit, seconds to tens of seconds; a fraction of a micrometre
+estimate    both: the refined result where there is one, else the immediate
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
+from service.backlash.admission import admit
+from service.backlash.model_fit import METHOD, model_fit_axes
 from service.backlash.paper import paper
-from service.backlash.results import AxisResult
+from service.backlash.results import AxisResult, Reason, Refusal
 from service.recording import Recording
 
 
-def estimate(recording: Recording) -> tuple[AxisResult, ...]:
-    """Backlash of every axis of a recording, in the order of its description; a value or a named refusal."""
+def immediate(recording: Recording) -> tuple[AxisResult, ...]:
+    """Backlash of every axis by the paper's method, in the order of the recording's description."""
     return tuple(paper(recording, axis.name) for axis in recording.axes)
+
+
+def refined(recording: Recording) -> tuple[AxisResult, ...]:
+    """Backlash of every axis by the model fit, both axes of a gantry together; a value or a named refusal."""
+    refusals = {axis.name: admit(recording, axis.name) for axis in recording.axes}
+    results: dict[str, AxisResult] = {}
+    for axis in recording.axes:
+        if axis.name not in results:
+            results |= _fitted(recording, axis.name, refusals)
+    return tuple(results[axis.name] for axis in recording.axes)
+
+
+def best(first: Sequence[AxisResult], second: Sequence[AxisResult]) -> tuple[AxisResult, ...]:
+    """Per axis the refined result (``second``) where its verdict is ok, else the immediate one (``first``)."""
+    return tuple(fit if fit.verdict == "ok" else plain for plain, fit in zip(first, second, strict=True))
+
+
+def estimate(recording: Recording) -> tuple[AxisResult, ...]:
+    """Backlash of every axis of a recording by the best method; a value or a named refusal."""
+    return best(immediate(recording), refined(recording))
+
+
+def _fitted(recording: Recording, axis: str, refusals: Mapping[str, Refusal | None]) -> dict[str, AxisResult]:
+    """The fit of an axis and its partner; none where either's recording cannot be used."""
+    refusal, partner = refusals[axis], recording.partner(axis)
+    if refusal:
+        return {axis: _refused(axis, refusal)}
+    if partner is not None and refusals.get(partner):
+        detail = (
+            f"{axis} and {partner} are fitted together, and {partner} cannot be used: see its own reason."
+        )
+        return {axis: _refused(axis, Refusal(Reason.GANTRY_PARTNER_MISSING, detail))}
+    return model_fit_axes(recording, axis)
+
+
+def _refused(axis: str, refusal: Refusal) -> AxisResult:
+    return AxisResult(axis, "refused", METHOD, refusal.reason, refusal.detail)

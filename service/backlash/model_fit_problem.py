@@ -63,7 +63,7 @@ class Problem:
 
     @property
     def samples(self) -> int:
-        return max(g.measured.shape[1] for g in self.grids)
+        return max(int(g.measured.shape[1]) for g in self.grids)
 
     def first_steps(self, n: int) -> Problem:
         """The same problem with the first n steps only."""
@@ -140,7 +140,7 @@ def load_start(
     out = np.empty((*c.shape[:2], len(problem.model.axes), 2))
     for x, name in enumerate(problem.model.axes):
         links = (*LINKS[problem.model.lumps], "contact")
-        k = 1.0 / sum(1.0 / values[f"{name}.{link}_stiffness"] for link in links)
+        k = 1.0 / np.sum([1.0 / values[f"{name}.{link}_stiffness"] for link in links], axis=0)
         motor, s, n = c[:, :, 0, x], problem.s, max(1, round(BALANCE_TIME / problem.grids[0].h))
         a = (c[:, :, n, x, 1] - motor[..., 1]) / (n * problem.grids[0].h)
         pull = a + s * values[f"{name}.coulomb"][:, None] + values[f"{name}.viscous"][:, None] * motor[..., 1]

@@ -15,6 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline, CubicSpline, PPoly
 
 from service.recording import FloatArray, Trace
@@ -41,7 +42,7 @@ class StepGrid:
     start: float
     h: float
     measured: FloatArray
-    used: FloatArray
+    used: NDArray[np.bool_]
 
     @property
     def time(self) -> FloatArray:

@@ -38,10 +38,19 @@ FINAL = ("ok", "refused", "failed")
 class Box(AbstractContextManager["Box"]):
     """Takes one run at a time and carries it out in its worker thread."""
 
-    def __init__(self, settings: Settings, workshop: Workshop, abort: Callable[[], None]) -> None:
+    def __init__(
+        self,
+        settings: Settings,
+        workshop: Workshop,
+        *,
+        abort: Callable[[], None],
+        refine: Callable[[int], None],
+    ) -> None:
+        """``abort`` stops what moves when the box is left; ``refine`` is told each run that gave a value."""
         self._settings = settings
         self._workshop = workshop
         self._abort = abort
+        self._refine = refine
         self._orders: queue.Queue[int | None] = queue.Queue()
         self._progress: Progress | None = None
         self._finished = threading.Condition()
@@ -111,7 +120,9 @@ class Box(AbstractContextManager["Box"]):
         try:
             run = self._run(run_id)
             self._note(run, messages.Progress(0, 0, "connect to the drives"))
-            diagnostic_run(self._workshop, run, lambda progress: self._note(run, progress))
+            end = diagnostic_run(self._workshop, run, lambda progress: self._note(run, progress))
+            if end.state == "ok":
+                self._refine(run_id)
         except Exception:
             # The worker must outlive whatever a run does; the run itself is stored as failed.
             log.exception("run %d ended by a fault of the program", run_id)

@@ -12,6 +12,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Protocol
 
+from service.backlash.estimate import best
 from service.backlash.results import AxisResult
 from service.captures import CaptureError, write_capture
 from service.monitoring.alarm import Band, judge
@@ -33,8 +34,17 @@ class Motion(Protocol):
         """Make the steps; MotionError when they could not be made."""
 
 
-Analysis = Callable[[Path, str], Sequence[AxisResult]]
-"""Estimates the backlash of each axis of the capture at a path with a known checksum."""
+class Analysis(Protocol):
+    """What estimates the backlash of every axis of the capture at a path with a known checksum."""
+
+    def immediate(self, path: Path, sha256: str) -> Sequence[AxisResult]:
+        """At once, several percent accurate, with an interval that says so."""
+
+    def refined(self, path: Path, sha256: str) -> Sequence[AxisResult]:
+        """In seconds to tens of seconds, a fraction of a micrometre accurate."""
+
+    def stop(self) -> None:
+        """End what is under way."""
 
 
 @dataclass(frozen=True)
@@ -56,14 +66,26 @@ def diagnostic_run(workshop: Workshop, run: RunRecord, on_progress: Callable[[Pr
         recorded = workshop.motion.execute(run.group, on_progress)
         capture = keep_capture(workshop, run, recorded.recording)
         keep_bus_log(workshop, run, recorded.bus_log, Path(capture.path))
-        on_progress(Progress(0, 0, "estimate the backlash"))
-        results = workshop.analysis(workshop.captures / capture.path, capture.sha256)
+        answers = analyse(workshop, capture, on_progress)
     except MotionError as error:
         keep_bus_log(workshop, run, error.bus_log, _capture_name(run, workshop.wall_time()))
         return _failed(workshop, run, error.kind, str(error), capture)
     except (AnalysisError, CaptureError, OSError) as error:
         return _failed(workshop, run, type(error).__name__, str(error), capture)
-    return _concluded(workshop, run, capture, results)
+    return _concluded(workshop, run, capture, answers)
+
+
+def analyse(
+    workshop: Workshop, capture: CaptureFile, on_progress: Callable[[Progress], None]
+) -> list[Sequence[AxisResult]]:
+    """Each method's results, the immediate ones first; the fit is waited for only where those refuse an axis."""
+    path = workshop.captures / capture.path
+    on_progress(Progress(0, 0, "estimate the backlash"))
+    answers = [workshop.analysis.immediate(path, capture.sha256)]
+    if any(result.verdict == "refused" for result in answers[0]):
+        on_progress(Progress(0, 0, "fit the model, because the plain method refuses"))
+        answers.append(workshop.analysis.refined(path, capture.sha256))
+    return answers
 
 
 def keep_capture(workshop: Workshop, run: RunRecord, recording: Recording) -> CaptureFile:
@@ -108,23 +130,32 @@ def judge_result(
 
 
 def _concluded(
-    workshop: Workshop, run: RunRecord, capture: CaptureFile, results: Sequence[AxisResult]
+    workshop: Workshop, run: RunRecord, capture: CaptureFile, answers: Sequence[Sequence[AxisResult]]
 ) -> RunEnd:
-    """Judge every axis and store all of it in one transaction."""
+    """Judge every axis by its best result and store all of it in one transaction."""
     now = workshop.wall_time()
     repository = workshop.repository
-    judged = [judge_result(repository, repository.axis(result.axis), result, now) for result in results]
-    refused = [result for result in results if result.verdict == "refused"]
-    end = RunEnd(run.id, "ok", now, capture=capture)
-    if refused:
-        reasons = "; ".join(f"{result.axis}: {result.detail or result.reason}" for result in refused)
-        if len(refused) == len(results):
-            end = RunEnd(run.id, "refused", now, str(refused[0].reason), reasons, capture)
-        else:
-            end = replace(end, detail=reasons)
+    reported = best(answers[0], answers[-1])
+    judged = [judge_result(repository, repository.axis(result.axis), result, now) for result in reported]
+    beside = [
+        AxisOutcome(result, reported=False, series=repository.axis(result.axis).series)
+        for answer in answers
+        for result in answer
+        if result not in reported
+    ]
+    end = _end(run, now, capture, reported)
     changes = [change for _, found in judged for change in found]
-    repository.finish_run(end, [outcome for outcome, _ in judged], changes)
+    repository.finish_run(end, [outcome for outcome, _ in judged] + beside, changes)
     return end
+
+
+def _end(run: RunRecord, now: datetime, capture: CaptureFile, reported: Sequence[AxisResult]) -> RunEnd:
+    """Ok with at least one value; the detail says what was refused beside it."""
+    refused = [result for result in reported if result.verdict == "refused"]
+    reasons = "; ".join(f"{result.axis}: {result.detail or result.reason}" for result in refused) or None
+    if len(refused) == len(reported):
+        return RunEnd(run.id, "refused", now, str(refused[0].reason), reasons, capture)
+    return RunEnd(run.id, "ok", now, detail=reasons, capture=capture)
 
 
 def _failed(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from service.backlash.detection import Pass, find_pass
-from service.backlash.estimate import estimate
+from service.backlash.estimate import immediate
 from service.backlash.integration import parted
 from service.backlash.paper import paper
 from service.backlash.results import AxisResult, Reason
@@ -197,6 +197,6 @@ def test_each_declared_capture_has_an_answer(shared_dir: Path) -> None:
     files = sorted((shared_dir / "captures").glob("declared-*.parquet"))
     assert len(files) == 8
     for file in files:
-        for result in estimate(read_capture(file)):
+        for result in immediate(read_capture(file)):
             assert result.verdict == "ok", f"{file.name} {result.axis}: {result.detail}"
             assert len(result.steps) == 10

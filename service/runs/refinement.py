@@ -1,0 +1,87 @@
+"""The refined values: first the immediate one is stored and shown, then the model fit's takes its place.
+
+Works off finished runs one after the other in a thread, which waits for the analysis process; the plain value
+stays in the store beside the refined one.
+"""
+
+from __future__ import annotations
+
+import logging
+import queue
+import threading
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+
+from service.backlash.results import AxisResult
+from service.captures import CaptureError
+from service.runs.analysis import AnalysisError
+from service.runs.diagnostic_run import Workshop, judge_result
+from service.store.records import AlarmChange, AxisOutcome, RunRecord
+
+log = logging.getLogger(__name__)
+
+
+class Refinement(AbstractContextManager["Refinement"]):
+    """Refines what is handed to ``submit`` until it is left; what is under way then is given up."""
+
+    def __init__(self, workshop: Workshop) -> None:
+        self._workshop = workshop
+        self._waiting: queue.Queue[int | None] = queue.Queue()
+        self._thread = threading.Thread(target=self._work, name="refinement")
+
+    def __enter__(self) -> Refinement:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._workshop.analysis.stop()
+        self._waiting.put(None)
+        self._thread.join()
+
+    def submit(self, run_id: int) -> None:
+        """Have a finished run refined."""
+        self._waiting.put(run_id)
+
+    def wait_idle(self) -> None:
+        """Wait until everything that was submitted is done."""
+        self._waiting.join()
+
+    def _work(self) -> None:
+        while (run_id := self._waiting.get()) is not None:
+            try:
+                refine(self._workshop, run_id)
+            except (AnalysisError, CaptureError) as error:
+                log.warning("run %d keeps its immediate values: %s", run_id, error)
+            except Exception:
+                # The thread must outlive one bad run; its immediate values stand.
+                log.exception("run %d could not be refined", run_id)
+            finally:
+                self._waiting.task_done()
+
+
+def refine(workshop: Workshop, run_id: int) -> None:
+    """Fit the model to the capture of a finished run and store what it says beside the immediate values."""
+    run = workshop.repository.run(run_id)
+    if run.capture is None:
+        return
+    results = workshop.analysis.refined(workshop.captures / run.capture.path, run.capture.sha256)
+    _store(workshop, run, results)
+
+
+def _store(workshop: Workshop, run: RunRecord, results: Sequence[AxisResult]) -> None:
+    """A value becomes the axis' reported one and is judged; a refusal stands beside the immediate value."""
+    repository = workshop.repository
+    measured_at = run.finished_at or workshop.wall_time()
+    outcomes: list[AxisOutcome] = []
+    changes: list[AlarmChange] = []
+    for result in results:
+        axis = repository.axis(result.axis)
+        if result.verdict == "refused":
+            outcomes.append(AxisOutcome(result, reported=False, series=axis.series))
+            continue
+        outcome, found = judge_result(repository, axis, result, measured_at)
+        outcomes.append(outcome)
+        changes += found
+    repository.add_outcomes(run.id, outcomes)
+    if changes:
+        repository.change_alarms(changes, workshop.wall_time())
