@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from service.backlash.results import AxisResult
     from service.config import Settings
     from service.demo import ComparedAxis, Comparison
+    from service.identification.explanation import Explanation
     from service.motion.process import MachineOpener
     from service.store.records import RunRecord
 
@@ -94,6 +95,41 @@ def analyze(
                 print_results(str(answer.path), answer.results)
     if failed:
         raise typer.Exit(1)
+
+
+@app.command()
+def explain(
+    train: Annotated[
+        list[Path], typer.Option("--train", help="Capture to fit to; may be given several times.")
+    ],
+    validate: Annotated[Path, typer.Option("--validate", help="Capture that judges; it is not fitted.")],
+    as_json: JsonOption = False,
+    predictions: Annotated[
+        Path | None,
+        typer.Option("--predictions", help="Parquet to write the predictions before and after to."),
+    ] = None,
+) -> None:
+    """Find what the declared model of each axis lacks, and report the error before and after adding it."""
+    from service.captures import CaptureError, read_capture
+    from service.captures.report import write_predictions
+    from service.identification.explain import explain as explained
+    from service.identification.explanation import CannotExplain
+
+    try:
+        recordings = [read_capture(path) for path in train]
+        judging = read_capture(validate)
+        with progress_bar() as bar:
+            task = bar.add_task("explain", total=None)
+            found = explained(recordings, judging, lambda text: bar.update(task, description=text))
+        if predictions is not None:
+            write_predictions(found.predictions(), predictions)
+    except (CaptureError, CannotExplain, OSError) as error:
+        complain(str(error))
+        raise typer.Exit(1) from None
+    if as_json:
+        print_json(found.as_json())
+    else:
+        print_explanation(found)
 
 
 @app.command()
@@ -294,6 +330,24 @@ def _compared_cells(axis: ComparedAxis) -> tuple[str, ...]:
         f"{error / axis.truth:+.1%}",
         result.method,
     )
+
+
+def print_explanation(found: Explanation) -> None:
+    """What each axis' model lacks, for a person: the finding, the errors, the candidates by rank."""
+    console = Console(highlight=False)
+    for axis in found.axes:
+        names = ", ".join(axis.effects) or axis.finding
+        console.print(f"{axis.axis} ({axis.channel}): {names}", style="bold", markup=False)
+        table = Table()
+        for heading in ("model", "held-out RMS", "over noise", "backlash µm"):
+            table.add_column(heading, justify="left" if heading == "model" else "right")
+        for label, report in (("before", axis.before), ("after", axis.after)):
+            backlash = "–" if report.backlash is None else f"{report.backlash * 1e6:.2f}"
+            over = report.validation_rms / axis.noise_rms if axis.noise_rms else float("nan")
+            table.add_row(label, f"{report.validation_rms:.4g}", f"{over:.2f}", backlash)
+        console.print(table)
+        for line in axis.evidence:
+            console.print(f"  {line}", markup=False)
 
 
 def print_run(run: dict[str, Any]) -> None:

@@ -1,8 +1,13 @@
-"""The answer of ``flankwatch analyze --json`` for one axis: plain JSON types, SI units in the key names."""
+"""What leaves the analysis as files: the JSON of ``analyze``, and the predictions of ``explain`` as Parquet."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet
 
 from service.backlash.results import AxisResult, StepResult
 
@@ -31,3 +36,8 @@ def step_result_to_json(step: StepResult) -> dict[str, Any]:
         "t1_s": step.t1,
         "t2_s": step.t2,
     }
+
+
+def write_predictions(columns: Mapping[str, Sequence[Any]], path: Path) -> None:
+    """Write predictions as Parquet: time_s, axis, channel, model ("before" or "after"), value [channel's unit]."""
+    pyarrow.parquet.write_table(pa.table(dict(columns)), path)

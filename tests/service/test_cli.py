@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow.parquet
 import pytest
 from typer.testing import CliRunner, Result
 
@@ -157,3 +158,24 @@ def test_a_check_without_a_service_says_what_to_do() -> None:
     result = call("check", "X1", "--url", "http://127.0.0.1:9")
     assert result.exit_code == 1
     assert "is it running?" in result.stderr
+
+
+def test_explain_finds_the_time_skew_of_a_real_robot(shared_dir: Path, tmp_path: Path) -> None:
+    """KUKA axis 3, trained on recording a and judged on b: the skew between its two encoders is 3.0 ± 0.3 ms."""
+    train, validate = (shared_dir / "measured" / f"kuka-a3-{name}.parquet" for name in "ab")
+    out = tmp_path / "predictions.parquet"
+    result = call("explain", "--train", train, "--validate", validate, "--json", "--predictions", out)
+    assert result.exit_code == 0, result.stderr
+    axis = json.loads(result.stdout)["axes"][0]
+    assert axis["effects"][0] == "sensor_latency"
+    assert axis["after"]["validation_rms"] < 0.2 * axis["before"]["validation_rms"]
+    columns = pyarrow.parquet.read_table(out)
+    assert columns.column_names == ["time_s", "axis", "channel", "model", "value"]
+    assert set(columns["model"].to_pylist()) == {"before", "after"}
+
+
+def test_explain_does_not_judge_on_what_it_fitted(shared_dir: Path) -> None:
+    path = shared_dir / "measured" / "kuka-a3-a.parquet"
+    result = call("explain", "--train", path, "--validate", path)
+    assert result.exit_code == 1
+    assert "same recording" in result.stderr
