@@ -42,4 +42,10 @@ def _analyse(path: Path, quick: bool) -> Answer:
         recording = read_capture(path)
     except CaptureError as error:
         return Answer(path, error=str(error))
-    return Answer(path, immediate(recording) if quick else estimate(recording))
+    try:
+        return Answer(path, immediate(recording) if quick else estimate(recording))
+    except Exception as error:  # one recording that nobody foresaw must not take the others with it
+        fault = f"{type(error).__name__}: {error}"
+        return Answer(
+            path, error=f"{path}: the analysis failed by a fault of the program ({fault}); please report it"
+        )

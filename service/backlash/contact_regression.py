@@ -74,14 +74,23 @@ def contact_masks(step: ContactStep, margin: tuple[float, float]) -> tuple[BoolA
     return before, after
 
 
+def sampling_period(step: ContactStep) -> float:
+    """Of the step's grid [s]."""
+    return float(np.median(np.diff(step.time)))
+
+
+def derivative_width(step: ContactStep) -> int:
+    """Samples of the local parabola from which the load's derivatives come: 3 ms, an odd number."""
+    return max(5, round(0.003 / sampling_period(step)) | 1)
+
+
 def regressors(step: ContactStep, mask: BoolArray, order: int) -> FloatArray:
     """The shared regressors of one contact phase: (n, 2 + order), columns v, a, ȧ, ä.
 
     a is taken as measured: smoothing it would smear the steep rise after the impact, and its noise, times c
     of some 1e-6 s², is far below D's. The derivatives come from a local parabola over 3 ms inside the phase.
     """
-    a, dt = step.a_mas[mask], float(np.median(np.diff(step.time)))
-    width = max(5, round(0.003 / dt) | 1)
+    a, dt, width = step.a_mas[mask], sampling_period(step), derivative_width(step)
     slopes = [savgol_filter(a, width, 2, deriv=d, delta=dt) for d in range(1, order + 1)]
     return np.column_stack([step.v_mot[mask], a, *slopes])
 
@@ -129,8 +138,11 @@ def step_rows(step: ContactStep, margin: tuple[float, float], order: int) -> tup
 
 
 def usable(step: ContactStep, margin: tuple[float, float] = MARGINS[0]) -> bool:
-    """Whether both contact phases of the step hold enough samples for the solve."""
-    return bool(np.isfinite(step.t1)) and all(int(np.sum(mask)) >= 10 for mask in contact_masks(step, margin))
+    """Whether both contact phases of the step hold enough samples for the solve and for its derivatives."""
+    least = max(10, derivative_width(step))
+    return bool(np.isfinite(step.t1)) and all(
+        int(np.sum(mask)) >= least for mask in contact_masks(step, margin)
+    )
 
 
 def solve(steps: Sequence[ContactStep], margin: tuple[float, float] = MARGINS[0], order: int = 2) -> Solution:
