@@ -72,8 +72,12 @@ class House:
 
 
 @contextmanager
-def house(settings: Settings, machine: MachineOpener = open_machine) -> Iterator[House]:
+def house(
+    settings: Settings, machine: MachineOpener = open_machine, *, refine: bool = True
+) -> Iterator[House]:
     """Open the whole service; ``machine`` opens what is behind the buses, another one in the demo.
+
+    Without ``refine`` the immediate values stand: for who does not stay long enough to wait for better ones.
 
     Raises
     ------
@@ -90,7 +94,12 @@ def house(settings: Settings, machine: MachineOpener = open_machine) -> Iterator
             workshop = Workshop(motion, analysis, repository, settings.storage.captures, _now)
             with (
                 Refinement(workshop) as refinement,
-                Box(settings, workshop, abort=motion.abort, refine=refinement.submit) as box,
+                Box(
+                    settings,
+                    workshop,
+                    abort=motion.abort,
+                    refine=refinement.submit if refine else lambda _run: None,
+                ) as box,
                 Scheduler(settings, workshop, box),
             ):
                 yield House(settings, repository, box, workshop, refinement)

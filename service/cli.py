@@ -147,7 +147,7 @@ def demo(
     with ExitStack() as stack:
         folder = directory or Path(stack.enter_context(TemporaryDirectory(prefix="flankwatch-")))
         settings = demo_settings(folder, port)
-        house = stack.enter_context(_opened(settings, partial(open_demo, paced=not once)))
+        house = stack.enter_context(_opened(settings, partial(open_demo, paced=not once), refine=not once))
         runs = [_run_group(house, group) for group in settings.groups]
         comparison = compare(house, runs)
         if as_json:
@@ -261,13 +261,16 @@ def _settings(path: Path) -> Settings:
 
 
 @contextmanager
-def _opened(settings: Settings, machine: MachineOpener | None = None) -> Iterator[House]:
+def _opened(
+    settings: Settings, machine: MachineOpener | None = None, *, refine: bool = True
+) -> Iterator[House]:
     """The whole service, or exit status 1 with the store's own words."""
     from service.app import house
+    from service.motion.machine import open_machine
     from service.store.errors import StoreError
 
     try:
-        with house(settings, machine) if machine else house(settings) as opened:
+        with house(settings, machine or open_machine, refine=refine) as opened:
             yield opened
     except (StoreError, OSError) as error:
         complain(str(error))
