@@ -43,6 +43,9 @@ _WAIT = 0.01
 _DIGESTION = 0.002
 """Wall time [s] that a listener is given at a halt to deal with the last frames it took; chosen: a batch of them."""
 
+NMT = 0x000
+"""CAN id of NMT commands."""
+
 _SLIP = 0.25
 """A paced machine that is later than this [s] was stopped with its PC: its clock slips instead of racing."""
 
@@ -55,6 +58,7 @@ class Timing:
     ----------
     rest_s : chosen longer than the rest before a step (0.35 s) plus settling, so that a run never idles
     answer_s : ten SYNCs show what a command did
+    beat_s : what follows an NMT command: the next heartbeat, at most 100 ms away, tells the new state
     idle_s : shorter than any time limit of the master
     patience_s : counted in waits that a busy PC stretches; a hundred times a master's reaction time
     switch_on_s : a master that only listens sees the machine boot after this
@@ -65,6 +69,7 @@ class Timing:
 
     rest_s: float = 0.5
     answer_s: float = 0.01
+    beat_s: float = 0.11
     idle_s: float = 0.25
     patience_s: float = 0.12
     switch_on_s: float = 1.0
@@ -112,6 +117,8 @@ class LockStep:
                 return self._timing.rest_s
             if self._core.powered > powered:
                 return self._timing.rest_s
+            if command.can_id == NMT:
+                return self._timing.beat_s
             if self._core.situation != before:
                 return self._timing.answer_s
         return self._timing.idle_s if self._core.listened_to else 0.0
