@@ -127,10 +127,6 @@ class Fit:
     offsets: FloatArray
 
 
-def no_offsets(problem: AxisProblem) -> FloatArray:
-    return np.zeros((len(problem.moves), len(problem.axes)))
-
-
 def residuals(problem: AxisProblem, model: AxisModel, Z: FloatArray, offsets: FloatArray) -> FloatArray:
     """Measured minus predicted over the noise (m, L); lanes Z (L, n), offsets (L, W, A) in prior units."""
     P = model.values(Z)

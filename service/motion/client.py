@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import multiprocessing
-import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from multiprocessing.connection import Connection
@@ -31,6 +30,9 @@ from service.motion.process import MachineOpener, motion_main
 
 START_LIMIT = 20.0
 """Longest start of the motion process [s]; chosen: importing numpy on a slow PC takes seconds."""
+
+END_LIMIT = 5.0
+"""Longest end of the motion process before it is killed [s]; chosen: a quick stop and a release take one or two."""
 
 ALIVE_PERIOD = 0.2
 """Period of Alive while a run is under way [s]: a tenth of the process' CLIENT_SILENCE."""
@@ -150,8 +152,7 @@ class MotionClient(AbstractContextManager["MotionClient"]):
         if self._connection is not None:
             self._connection.close()
         if self._process is not None:
-            deadline = time.monotonic() + 5.0
-            self._process.join(max(0.0, deadline - time.monotonic()))
+            self._process.join(END_LIMIT)
             if self._process.is_alive():
                 self._process.kill()
                 self._process.join()
