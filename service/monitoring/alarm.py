@@ -59,6 +59,7 @@ class AlarmEvent(StrEnum):
     RAISED = "raised"
     CLEARED = "cleared"
     ACKNOWLEDGED = "acknowledged"
+    REMARKED = "remarked"
 
 
 @dataclass(frozen=True)
@@ -118,8 +119,11 @@ class Judgement:
 def transition(state: AlarmState, event: AlarmEvent) -> AlarmState:
     """Return the state after an event; an event that says nothing new leaves it as it is.
 
-    A repeated raise does not take an acknowledgement back; a raise after a return does.
+    A repeated raise does not take an acknowledgement back; a raise after a return does. A remark is a line in
+    the journal and no more.
     """
+    if event is AlarmEvent.REMARKED:
+        return state
     if event is AlarmEvent.RAISED:
         return state if state.active else AlarmState(active=True, acknowledged=False)
     if event is AlarmEvent.CLEARED:

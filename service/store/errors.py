@@ -5,6 +5,7 @@ StoreError
 ├── StoreVanishedError    the file is gone though backups of it exist: a wrong path, an unmounted disk, a slip
 ├── StoreInUseError       another Flankwatch process is the writer
 ├── StoreTooNewError      a newer Flankwatch has written it
+├── AlreadyDecidedError   a model revision was accepted or rejected before
 └── UnknownRecordError    a run, axis or alarm was named that is not there
 """
 
@@ -31,5 +32,9 @@ class StoreTooNewError(StoreError):
     """The file's revision is not among the migrations of this installation."""
 
 
+class AlreadyDecidedError(StoreError):
+    """A decision about a model revision is made once; another finding gets a revision of its own."""
+
+
 class UnknownRecordError(StoreError):
-    """No such axis, run, alarm or revision."""
+    """No such axis, run, alarm, explanation or revision."""

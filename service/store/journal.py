@@ -36,6 +36,11 @@ def acknowledge(connection: Connection, alarm: AlarmRecord, at: datetime, by: st
         _record(connection, alarm.id, AlarmEvent.ACKNOWLEDGED, at, comment, by=by, state=after)
 
 
+def remark(connection: Connection, alarm: AlarmRecord, at: datetime, by: str | None, text: str) -> None:
+    """Leave a line in an alarm's journal, which changes nothing else."""
+    _line(connection, alarm.id, AlarmEvent.REMARKED, at, text, by=by)
+
+
 def retained(connection: Connection, axis: str, kind: AlarmKind) -> AlarmRecord | None:
     """Return the axis' alarm of a kind that is still to be shown; there is at most one."""
     alarms = tables.alarms.c
@@ -71,15 +76,7 @@ def _record(
     run_id: int | None = None,
 ) -> None:
     """Add the journal's line and bring the alarm's row to its new state."""
-    line = {
-        "alarm_id": alarm_id,
-        "run_id": run_id,
-        "event": event,
-        "at_utc": at,
-        "actor": by,
-        "detail": detail,
-    }
-    connection.execute(tables.alarm_events.insert().values(line))
+    _line(connection, alarm_id, event, at, detail, by=by, run_id=run_id)
     values: dict[str, Any] = {"active": state.active, "acknowledged": state.acknowledged, _TIME_OF[event]: at}
     if event is AlarmEvent.ACKNOWLEDGED:
         values["acknowledged_by"] = by
@@ -91,3 +88,17 @@ def _record(
             "acknowledged_by": None,
         }
     connection.execute(tables.alarms.update().where(tables.alarms.c.id == alarm_id).values(values))
+
+
+def _line(
+    connection: Connection,
+    alarm_id: int,
+    event: AlarmEvent,
+    at: datetime,
+    detail: str,
+    *,
+    by: str | None = None,
+    run_id: int | None = None,
+) -> None:
+    values = {"alarm_id": alarm_id, "run_id": run_id, "event": event, "at_utc": at}
+    connection.execute(tables.alarm_events.insert().values(values | {"actor": by, "detail": detail}))

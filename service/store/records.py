@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import date, datetime
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +16,6 @@ from service.monitoring.trend import Trend
 RunKind = Literal["on_demand", "nightly"]
 RunState = Literal["queued", "running", "ok", "refused", "failed"]
 FinalState = Literal["ok", "refused", "failed"]
-RevisionState = Literal["proposed", "accepted", "rejected"]
 
 DECLARED = "declared"
 """The series of values that were computed with the model declared in the configuration."""
@@ -40,10 +38,21 @@ class AxisRecord:
 
 
 @dataclass(frozen=True)
+class StepParameters:
+    """Steps other than the configured ones, to tell two candidates apart: SL [m], j_lim [m/s³], first direction ±1."""
+
+    length: float
+    jerk: float
+    direction: int = 1
+
+
+@dataclass(frozen=True)
 class RunOrder:
     """A run to be put into the box: ``target`` is what was asked for, an axis' or a group's name.
 
     ``local_date`` is given for a nightly run and only there; the store holds one per group and date.
+    ``steps`` is None for the configured steps. A run of other steps is no measurement of the axis' backlash:
+    what it finds is not reported.
     """
 
     kind: RunKind
@@ -53,6 +62,7 @@ class RunOrder:
     requested_at: datetime
     local_date: date | None = None
     idempotency_key: str | None = None
+    steps: StepParameters | None = None
 
 
 @dataclass(frozen=True)
@@ -141,6 +151,7 @@ class RunRecord:
     detail: str | None = None
     capture: CaptureFile | None = None
     idempotency_key: str | None = None
+    steps: StepParameters | None = None
 
 
 @dataclass(frozen=True)
@@ -224,17 +235,3 @@ class AlarmEventRecord:
     detail: str
     by: str | None = None
     run_id: int | None = None
-
-
-@dataclass(frozen=True)
-class RevisionRecord:
-    """A model revision of an axis; ``finding`` is its JSON: effects, parameters, error before and after."""
-
-    id: int
-    axis: str
-    state: RevisionState
-    finding: Mapping[str, Any]
-    created_at: datetime
-    run_id: int | None = None
-    decided_at: datetime | None = None
-    decided_by: str | None = None

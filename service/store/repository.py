@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Any, TypeVar
@@ -14,6 +14,7 @@ from service.monitoring.alarm import AlarmKind
 from service.store import journal, rows, statements, tables
 from service.store.database import Database
 from service.store.errors import UnknownRecordError
+from service.store.models import ModelStore
 from service.store.records import (
     AlarmChange,
     AlarmEventRecord,
@@ -23,7 +24,6 @@ from service.store.records import (
     History,
     QueueAnswer,
     Queued,
-    RevisionRecord,
     RunEnd,
     RunOrder,
     RunRecord,
@@ -34,11 +34,12 @@ T = TypeVar("T")
 
 
 class Repository:
-    """Axes, runs, values, alarms and model revisions of one database."""
+    """Axes, runs, values and alarms of one database; ``models`` holds what is known of the axes' models."""
 
     def __init__(self, database: Database) -> None:
         """Work on an open database, which stays the caller's to close."""
         self._database = database
+        self.models = ModelStore(database)
 
     # axes
 
@@ -180,15 +181,20 @@ class Repository:
         limit: int = 100,
         before: tuple[datetime, int] | None = None,
         accepted: bool = False,
+        series: str | None = None,
     ) -> tuple[ValueRecord, ...]:
-        """Return an axis' reported values of its series without steps, the newest first.
+        """Return an axis' reported values of a series without steps, the newest first.
+
+        Without ``series`` the one that is the axis' current.
 
         ``before`` continues below the (measured_at, id) of the last value seen; ``accepted`` leaves refusals
         out.
         """
         values = tables.backlash_values.c
         query = (
-            statements.reported(axis).order_by(values.measured_at_utc.desc(), values.id.desc()).limit(limit)
+            statements.reported(axis, series)
+            .order_by(values.measured_at_utc.desc(), values.id.desc())
+            .limit(limit)
         )
         if before is not None:
             query = query.where(tuple_(values.measured_at_utc, values.id) < tuple_(*before))
@@ -196,13 +202,15 @@ class Repository:
             query = query.where(values.verdict == "ok")
         return tuple(rows.value_of(row) for row in self._all(query))
 
-    def history(self, axis: str, method: str | None = None, limit: int = 400) -> History:
+    def history(
+        self, axis: str, method: str | None = None, limit: int = 400, series: str | None = None
+    ) -> History:
         """Return the latest accepted, reported values of an axis' series as arrays, oldest first.
 
         They are of one method, by default that of the newest: methods differ by more than an axis wears in
         a year.
         """
-        latest = self.values(axis, limit=limit, accepted=True)
+        latest = self.values(axis, limit=limit, accepted=True, series=series)
         one = method or (latest[0].outcome.result.method if latest else None)
         found = [v for v in reversed(latest) if v.outcome.result.method == one]
         t = np.array([v.measured_at.timestamp() for v in found], dtype=np.float64)
@@ -253,47 +261,13 @@ class Repository:
             journal.acknowledge(connection, rows.alarm_of(row), at, by, comment)
         return self.alarm(alarm_id)
 
-    # model revisions
-
-    def propose_revision(
-        self, axis: str, finding: Mapping[str, Any], at: datetime, run_id: int | None = None
-    ) -> int:
-        """Keep a finding as a proposed model revision of an axis; return its id."""
-        values = {
-            "axis_name": axis,
-            "run_id": run_id,
-            "state": "proposed",
-            "finding": dict(finding),
-            "created_at_utc": at,
-        }
-        inserted = tables.model_revisions.insert().values(values).returning(tables.model_revisions.c.id)
+    def remark_alarms(self, axis: str, at: datetime, text: str, by: str | None = None) -> int:
+        """Leave a line in the journal of every alarm of an axis that is still to be shown; return how many."""
+        found = self.alarms(axis=axis)
         with self._database.writing() as connection:
-            return int(connection.execute(inserted).scalar_one())
-
-    def decide_revision(self, revision_id: int, *, accept: bool, at: datetime, by: str) -> RevisionRecord:
-        """Accept or reject a proposed revision, once; an accepted one gives the axis a new series' name."""
-        revisions = tables.model_revisions
-        decision = {"state": "accepted" if accept else "rejected", "decided_at_utc": at, "decided_by": by}
-        proposed = revisions.update().where(revisions.c.id == revision_id, revisions.c.state == "proposed")
-        with self._database.writing() as connection:
-            row = (
-                connection.execute(proposed.values(decision).returning(*revisions.c)).mappings().one_or_none()
-            )
-            if row is None:
-                raise UnknownRecordError(f"there is no model revision {revision_id} that is still proposed")
-            if accept:
-                series = {"series": f"revision-{revision_id}"}
-                connection.execute(
-                    tables.axes.update().where(tables.axes.c.name == row["axis_name"]).values(series)
-                )
-            return rows.revision_of(row)
-
-    def revisions(self, axis: str | None = None) -> tuple[RevisionRecord, ...]:
-        """Return the model revisions, of one axis or of all, the newest first."""
-        query = select(tables.model_revisions).order_by(tables.model_revisions.c.id.desc())
-        if axis is not None:
-            query = query.where(tables.model_revisions.c.axis_name == axis)
-        return tuple(rows.revision_of(row) for row in self._all(query))
+            for alarm in found:
+                journal.remark(connection, alarm, at, by, text)
+        return len(found)
 
     # upkeep
 

@@ -10,15 +10,16 @@ from sqlalchemy import RowMapping
 from service.backlash.results import AxisResult, Reason, StepResult
 from service.monitoring.alarm import AlarmEvent, AlarmKind, AlarmState
 from service.monitoring.trend import Trend
+from service.store.model_records import ExplanationOrder, ExplanationRecord, RevisionRecord
 from service.store.records import (
     AlarmEventRecord,
     AlarmRecord,
     AxisOutcome,
     AxisRecord,
     CaptureFile,
-    RevisionRecord,
     RunOrder,
     RunRecord,
+    StepParameters,
     ValueRecord,
 )
 
@@ -47,12 +48,24 @@ def order_values(order: RunOrder) -> Values:
         "local_date": order.local_date,
         "requested_at_utc": order.requested_at,
         "idempotency_key": order.idempotency_key,
+        **_step_parameters(order.steps),
+    }
+
+
+def _step_parameters(steps: StepParameters | None) -> Values:
+    if steps is None:
+        return {}
+    return {
+        "step_length_m": steps.length,
+        "step_jerk_m_s3": steps.jerk,
+        "step_direction": steps.direction,
     }
 
 
 def run_of(row: RowMapping, axes: tuple[str, ...]) -> RunRecord:
     """Read a run."""
     capture = CaptureFile(row["capture_path"], row["capture_sha256"]) if row["capture_path"] else None
+    steps = StepParameters(row["step_length_m"], row["step_jerk_m_s3"], row["step_direction"])
     return RunRecord(
         id=row["id"],
         kind=row["kind"],
@@ -68,6 +81,7 @@ def run_of(row: RowMapping, axes: tuple[str, ...]) -> RunRecord:
         detail=row["detail"],
         capture=capture,
         idempotency_key=row["idempotency_key"],
+        steps=None if row["step_length_m"] is None else steps,
     )
 
 
@@ -186,6 +200,33 @@ def alarm_event_of(row: RowMapping) -> AlarmEventRecord:
     )
 
 
+def explanation_values(order: ExplanationOrder) -> Values:
+    """Write an explanation that waits."""
+    return {
+        "run_id": order.run_id,
+        "train_run_ids": list(order.train_run_ids),
+        "kind": order.kind,
+        "state": "queued",
+        "requested_at_utc": order.requested_at,
+    }
+
+
+def explanation_of(row: RowMapping) -> ExplanationRecord:
+    """Read an explanation."""
+    return ExplanationRecord(
+        id=row["id"],
+        run_id=row["run_id"],
+        train_run_ids=tuple(row["train_run_ids"]),
+        kind=row["kind"],
+        state=row["state"],
+        requested_at=row["requested_at_utc"],
+        finished_at=row["finished_at_utc"],
+        detail=row["detail"],
+        found=row["found"],
+        predictions_path=row["predictions_path"],
+    )
+
+
 def revision_of(row: RowMapping) -> RevisionRecord:
     """Read a model revision."""
     return RevisionRecord(
@@ -197,6 +238,8 @@ def revision_of(row: RowMapping) -> RevisionRecord:
         run_id=row["run_id"],
         decided_at=row["decided_at_utc"],
         decided_by=row["decided_by"],
+        note=row["note"],
+        explanation_id=row["explanation_id"],
     )
 
 

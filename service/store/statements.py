@@ -116,10 +116,10 @@ def steps(connection: Connection, value_id: int) -> tuple[Any, ...]:
     return tuple(rows.step_of(row) for row in connection.execute(query).mappings())
 
 
-def reported(axis: str) -> Select[Any]:
-    """Select the reported values of an axis in its current series."""
+def reported(axis: str, series: str | None = None) -> Select[Any]:
+    """Select the reported values of an axis in a series, its current one where none is named."""
     values = tables.backlash_values.c
-    series = select(tables.axes.c.series).where(tables.axes.c.name == axis).scalar_subquery()
+    current = select(tables.axes.c.series).where(tables.axes.c.name == axis).scalar_subquery()
     return select(tables.backlash_values).where(
-        values.axis_name == axis, values.series == series, values.reported
+        values.axis_name == axis, values.series == (current if series is None else series), values.reported
     )

@@ -2,9 +2,9 @@
 itself.
 
 axes 1-n backlash_values n-1 runs; backlash_values 1-n steps; axes 1-n alarms 1-n alarm_events;
-axes 1-n model_revisions. A value belongs to a *method* (methods stand beside each other, one per series is
-the *reported* one) and to a *series*: "declared" for the declared model, another name for a history restated
-with an accepted model revision. Rows of values and of alarm events are never changed.
+axes 1-n model_revisions n-1 explanations n-1 runs. A value belongs to a *method* (methods stand beside each
+other, one per series is the *reported* one) and to a *series*: "declared" for the declared model, another name
+for a history restated with an accepted model revision. Rows of values and of alarm events are never changed.
 """
 
 from __future__ import annotations
@@ -91,6 +91,9 @@ runs = Table(
     Column("capture_path", Text),
     Column("capture_sha256", String(64)),
     Column("idempotency_key", String(255)),
+    Column("step_length_m", Float),
+    Column("step_jerk_m_s3", Float),
+    Column("step_direction", Integer),
     CheckConstraint("kind IN ('on_demand', 'nightly')", name="kind"),
     CheckConstraint("state IN ('queued', 'running', 'ok', 'refused', 'failed')", name="state"),
     CheckConstraint("(kind = 'nightly') = (local_date IS NOT NULL)", name="nightly_has_date"),
@@ -110,6 +113,29 @@ run_axes = Table(
     Index(None, "axis_name"),
 )
 
+explanations = Table(
+    "explanations",
+    metadata,
+    Column("id", Integer, primary_key=True),
+    Column("run_id", ForeignKey("runs.id"), nullable=False),
+    Column("train_run_ids", JSON, nullable=False),
+    Column("kind", String(16), nullable=False),
+    Column("state", String(16), nullable=False),
+    Column("detail", Text),
+    Column("found", JSON(none_as_null=True)),
+    Column("predictions_path", Text),
+    Column("requested_at_utc", UtcDateTime, nullable=False),
+    Column("finished_at_utc", UtcDateTime),
+    CheckConstraint("kind IN ('background', 'on_demand')", name="kind"),
+    CheckConstraint(
+        "state IN ('queued', 'running', 'done', 'cannot_tell', 'skipped', 'failed')", name="state"
+    ),
+    CheckConstraint("(state = 'done') = (found IS NOT NULL)", name="found"),
+    CheckConstraint("state NOT IN ('cannot_tell', 'skipped', 'failed') OR detail IS NOT NULL", name="detail"),
+    Index(None, "run_id"),
+    sqlite_autoincrement=True,
+)
+
 model_revisions = Table(
     "model_revisions",
     metadata,
@@ -121,6 +147,8 @@ model_revisions = Table(
     Column("created_at_utc", UtcDateTime, nullable=False),
     Column("decided_at_utc", UtcDateTime),
     Column("decided_by", String(128)),
+    Column("note", Text),
+    Column("explanation_id", ForeignKey("explanations.id")),
     CheckConstraint("state IN ('proposed', 'accepted', 'rejected')", name="state"),
     Index(None, "axis_name"),
     sqlite_autoincrement=True,
@@ -211,7 +239,7 @@ alarm_events = Table(
     Column("at_utc", UtcDateTime, nullable=False),
     Column("actor", String(128)),
     Column("detail", Text, nullable=False),
-    CheckConstraint("event IN ('raised', 'cleared', 'acknowledged')", name="event"),
+    CheckConstraint("event IN ('raised', 'cleared', 'acknowledged', 'remarked')", name="event"),
     Index(None, "alarm_id"),
     sqlite_autoincrement=True,
 )

@@ -11,7 +11,7 @@ from sqlalchemy.exc import IntegrityError, StatementError
 from service.backlash.results import AxisResult, Reason, StepResult
 from service.monitoring.alarm import AlarmEvent, AlarmKind, Change
 from service.monitoring.trend import Trend
-from service.store.errors import StoreError, UnknownRecordError
+from service.store.errors import AlreadyDecidedError, StoreError, UnknownRecordError
 from service.store.records import (
     AlarmChange,
     AlreadyRun,
@@ -275,9 +275,11 @@ def test_an_axis_that_left_the_configuration_keeps_its_history(repository: Repos
 def test_an_accepted_revision_begins_a_series_beside_the_declared_one(repository: Repository) -> None:
     run_id = finished(repository, NOON, [value(57e-6)])
     finding = {"effects": ["sensor_latency"], "before": {"backlash_m": 57e-6}, "after": {"backlash_m": 60e-6}}
-    revision_id = repository.propose_revision("X1", finding, NOON, run_id)
-    assert repository.revisions("X1")[0].state == "proposed"
-    decided = repository.decide_revision(revision_id, accept=True, at=NOON, by="A. Smith")
+    revision_id = repository.models.propose("X1", finding, NOON, run_id=run_id)
+    assert repository.models.revisions("X1")[0].state == "proposed"
+    assert repository.models.in_force("X1") is None
+    decided = repository.models.decide(revision_id, accept=True, at=NOON, by="A. Smith")
+    assert repository.models.in_force("X1") == decided
     assert (decided.state, decided.finding, decided.decided_by) == ("accepted", finding, "A. Smith")
     series = repository.axis("X1").series
     restated = AxisOutcome(
@@ -287,8 +289,9 @@ def test_an_accepted_revision_begins_a_series_beside_the_declared_one(repository
     assert list(repository.history("X1").b) == [60e-6]
     assert [v.outcome.result.backlash for v in repository.outcomes(run_id)] == [57e-6, 60e-6]
     assert all(v.outcome.reported for v in repository.outcomes(run_id))
-    with pytest.raises(UnknownRecordError, match="still proposed"):
-        repository.decide_revision(revision_id, accept=False, at=NOON, by="B")
+    assert list(repository.history("X1", series="declared").b) == [57e-6]
+    with pytest.raises(AlreadyDecidedError, match=r"accepted by A\. Smith"):
+        repository.models.decide(revision_id, accept=False, at=NOON, by="B")
 
 
 @pytest.mark.parametrize("missing", ["run", "alarm", "axis"])
