@@ -8,11 +8,12 @@ between contact events, in driven_propagation. All parameter sets and all steps 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import factorial
 
 import numpy as np
 
 from service.dynamics.driven_model import LINKS, Model, Values, assemble, spring_damper
-from service.dynamics.driven_propagation import Propagation
+from service.dynamics.driven_propagation import run
 from service.recording import FloatArray
 
 
@@ -56,17 +57,19 @@ def initial_states(model: Model, values: Values, motor: FloatArray, load: FloatA
 
 
 def motor_force(model: Model, values: Values, states: FloatArray, motor: FloatArray) -> FloatArray:
-    """Force on the motor per moved mass [m/s²]: states (P, S, T, n), motor (P, S, T, X, 2) -> (P, S, T, X)."""
+    """Force on the motor per moved mass [m/s²]: states (S, T, K, n), motor (S, T, X, K, 2) -> (S, T, X, K)."""
     out = np.empty(motor.shape[:-1])
     for axis, name in enumerate(model.axes):
         first = axis * model.states_per_axis
-        stretch = motor[..., axis, :] - states[..., first : first + 2]
-        k, d = spring_damper(values, name, (*LINKS[model.lumps], "contact")[0])
-        half = 0.0 if model.lumps else 0.5 * values[f"{name}.backlash"][:, None]
+        stretch = motor[:, :, axis] - states[..., first : first + 2]
+        k, d = (
+            law[:, None, None] for law in spring_damper(values, name, (*LINKS[model.lumps], "contact")[0])
+        )
+        half = 0.0 if model.lumps else 0.5 * values[f"{name}.backlash"][:, None, None]
         beyond = stretch[..., 0] - np.clip(stretch[..., 0], -half, half)
-        force = k[:, None] * beyond + d[:, None] * stretch[..., 1] * (beyond != 0.0)
+        force = k * beyond + d * stretch[..., 1] * (beyond != 0.0)
         pushing = True if model.lumps else force * beyond > 0.0
-        out[..., axis] = np.where(pushing, force, 0.0)
+        out[:, :, axis] = np.where(pushing, force, 0.0)
     return out
 
 
@@ -83,20 +86,28 @@ def simulate(
     load : (S, T, X, 2) load position [m] and speed [m/s] at the first grid point
     h : grid interval [s]
     """
-    S, T, K, X, _ = c.shape
+    for effect in model.effects:
+        c = effect.drive(c, model, values)
+    motor = np.concatenate((c[..., :2], ends(c[:, :, -1:], h)), axis=2).swapaxes(2, 3)
     system = assemble(model, values)
-    run = Propagation(system, c, s, h)
-    x0 = initial_states(model, values, c[:, :, 0, :, :2], load)
-    states = run.run(x0.reshape(S * T, -1)).reshape(K + 1, S, T, model.n)
-    motor = np.empty((K + 1, S, T, X, 2))
-    motor[:-1] = c[..., :2].transpose(2, 0, 1, 3, 4)
-    motor[-1] = 2.0 * motor[-2] - motor[-3]
-    speeds = states[..., [model.load(a) + 1 for a in range(X)]]
-    predicted = np.diff(speeds, axis=0).transpose(3, 1, 2, 0) / h
+    x0 = initial_states(model, values, motor[..., 0, :], load)
+    states = run(system, x0, c, np.stack((np.ones(len(s)), s), axis=1), h)
+    speeds = states[..., [model.load(a) + 1 for a in range(len(model.axes))]]
+    predicted = np.diff(speeds, axis=2).swapaxes(2, 3) / h
     for effect in model.effects:
         predicted = effect.measure(predicted, model, values)
-    relative = states @ system.relative.T + system.motor_share * motor[..., 0]
-    force = motor_force(model, values, states, motor)
-    return Response(
-        predicted.transpose(1, 2, 0, 3), force.transpose(1, 2, 3, 0), relative.transpose(1, 2, 3, 0)
-    )
+    relative = np.stack([relative_position(model, states, motor, a) for a in range(len(model.axes))], axis=2)
+    return Response(predicted, motor_force(model, values, states, motor), relative)
+
+
+def ends(c: FloatArray, h: float) -> FloatArray:
+    """Position and speed at the end of intervals of length h: c (…, J) -> (…, 2)."""
+    powers = np.array([h**i / factorial(i) for i in range(c.shape[-1])])
+    return np.stack((c @ powers, c[..., 1:] @ powers[:-1]), axis=-1)
+
+
+def relative_position(model: Model, states: FloatArray, motor: FloatArray, axis: int) -> FloatArray:
+    """Pinion minus load [m] on the grid: (S, T, K + 1)."""
+    pinion = model.pinion(axis)
+    touching = motor[:, :, axis, :, 0] if pinion is None else states[..., pinion]
+    return np.asarray(touching - states[..., model.load(axis)])

@@ -15,11 +15,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
-from service.dynamics.driven_propagation import LinearSystem
+from service.dynamics.driven_propagation import CONSTANTS, LinearSystem
 from service.recording import FloatArray
 
 Values = Mapping[str, FloatArray]
@@ -140,56 +139,55 @@ class Model:
         return axis * self.states_per_axis + 2 * (self.lumps - 1) if self.lumps else None
 
 
-class DrivenEffect(Protocol):
-    """One effect that the paper's model lacks.
+class DrivenEffect:
+    """One effect that the paper's model lacks; what it does not override leaves the model as it is.
 
     Attributes
     ----------
-    states : how many states it adds; they start at zero, at `first_state` of `assemble`
     parameters : its own, with unit and prior
+    states : how many states it adds, positions each followed by its speed; they start at zero
+    gaps, curves : how many gaps and tabulated forces it adds
     """
 
-    @property
-    def states(self) -> int: ...
+    parameters: tuple[Parameter, ...] = ()
+    states: int = 0
+    gaps: int = 0
+    curves: int = 0
 
-    @property
-    def parameters(self) -> tuple[Parameter, ...]: ...
+    def drive(self, c: FloatArray, model: Model, values: Values) -> FloatArray:
+        """Called first: what moves the chain, from the motors' measured motion, both (S, T, K, X, J)."""
+        return c
 
-    def assemble(self, system: LinearSystem, model: Model, values: Values, first_state: int) -> None:
+    def assemble(self, system: LinearSystem, model: Model, values: Values, room: Room) -> None:
         """Called once per simulation, after the declared model is in: add to the matrices in place."""
 
     def measure(self, predicted: FloatArray, model: Model, values: Values) -> FloatArray:
-        """Called once at the end: what the sensors make of the accelerations (X, S, T, K)."""
+        """Called last: what the sensors make of the accelerations (S, T, X, K)."""
+        return predicted
 
 
-def contact_states(axes: int) -> list[tuple[int, ...]]:
-    """The contact state of each axis (−1 lower flank, 0 gap, 1 upper flank) by mode number."""
-    return [tuple(m // 3**a % 3 - 1 for a in range(axes)) for m in range(3**axes)]
+@dataclass(frozen=True)
+class Room:
+    """Where an effect's own states and gaps begin."""
+
+    state: int
+    gap: int
 
 
 def assemble(model: Model, values: Values) -> LinearSystem:
-    """Matrices of every parameter set and contact state; shapes in driven_propagation."""
-    S, X, n = len(next(iter(values.values()))), len(model.axes), model.n
-    M = 3**X
-    system = LinearSystem(
-        A=np.zeros((S, M, n, n)),
-        Bx=np.zeros((S, M, n, X)),
-        Bv=np.zeros((S, M, n, X)),
-        B0=np.zeros((S, M, n)),
-        Bs=np.zeros((S, M, n)),
-        relative=np.zeros((X, n)),
-        motor_share=np.zeros(X),
-        half_gap=np.stack([0.5 * values[f"{a}.backlash"] for a in model.axes], axis=1),
-        lag=np.stack([contact_lag(values, a) for a in model.axes], axis=1),
-    )
+    """Matrices of every parameter set; shapes in driven_propagation."""
+    S, X = len(next(iter(values.values()))), len(model.axes)
+    gaps = X + sum(effect.gaps for effect in model.effects)
+    curves = sum(effect.curves for effect in model.effects)
+    system = LinearSystem.empty(S, model.n, X, gaps, CONSTANTS, curves)
     for axis in range(X):
         add_axis(system, model, values, axis)
     if X == 2:
         add_bridge(system, model, values)
-    first = model.states_per_axis * X
+    room = Room(model.states_per_axis * X, X)
     for effect in model.effects:
-        effect.assemble(system, model, values, first)
-        first += effect.states
+        effect.assemble(system, model, values, room)
+        room = Room(room.state + effect.states, room.gap + effect.gaps)
     return system
 
 
@@ -199,78 +197,64 @@ def spring_damper(values: Values, axis: str, link: str) -> tuple[FloatArray, Flo
     return k, 2.0 * values[f"{axis}.{link}_damping_ratio"] * np.sqrt(k)
 
 
-def contact_lag(values: Values, axis: str) -> FloatArray:
-    """Damping over stiffness of the contact [s], (S,)."""
-    k, d = spring_damper(values, axis, "contact")
-    return np.asarray(d / k)
-
-
 def add_axis(system: LinearSystem, model: Model, values: Values, axis: int) -> None:
     """Chain, contact and friction of one axis, eqs. (2)-(7)."""
     name, load, pinion = model.axes[axis], model.load(axis), model.pinion(axis)
     first = axis * model.states_per_axis
     for at in range(first, first + model.states_per_axis, 2):
-        system.A[:, :, at, at + 1] = 1.0
+        system.A[:, at, at + 1] = 1.0
     links = LINKS[model.lumps]
-    masses = [values[f"{name}.{link}_mass"] for link in links] + [np.ones(len(values[f"{name}.viscous"]))]
+    masses = [values[f"{name}.{link}_mass"] for link in links]
     for body, link in enumerate(links):
-        join(system, slice(None), (body, axis, first), masses, spring_damper(values, name, link))
-    for m, state in enumerate(contact_states(len(model.axes))):
-        if state[axis]:
-            k, d = spring_damper(values, name, "contact")
-            join(system, m, (len(links), axis, first), masses, (k, d), state[axis] * system.half_gap[:, axis])
-    system.A[:, :, load + 1, load + 1] -= values[f"{name}.viscous"][:, None]
-    system.B0[:, :, load + 1] += values[f"{name}.constant"][:, None]
-    system.Bs[:, :, load + 1] -= values[f"{name}.coulomb"][:, None]
-    system.relative[axis, load] = -1.0
-    if pinion is None:
-        system.motor_share[axis] = 1.0
-    else:
-        system.relative[axis, pinion] = 1.0
+        join(system, (body, axis, first), masses, spring_damper(values, name, link))
+    system.A[:, load + 1, load + 1] -= values[f"{name}.viscous"]
+    system.B[:, load + 1, system.constant(0)] += values[f"{name}.constant"]
+    system.B[:, load + 1, system.constant(1)] -= values[f"{name}.coulomb"]
+    system.k[:, axis], system.d[:, axis] = spring_damper(values, name, "contact")
+    for side, sign in ((0, -1.0), (1, 1.0)):
+        approach, push = system.approach[:, axis, side], system.push[:, axis, side]
+        approach[:, load] = -sign
+        approach[:, system.n + system.motor(axis) if pinion is None else pinion] = sign
+        approach[:, system.n + system.constant()] = -0.5 * values[f"{name}.backlash"]
+        push[:, load + 1] = sign
+        if pinion is not None:
+            push[:, pinion + 1] = -sign / masses[-1]
 
 
 def join(
     system: LinearSystem,
-    modes: int | slice,
     where: tuple[int, int, int],
     masses: list[FloatArray],
     law: tuple[FloatArray, FloatArray],
-    rest: FloatArray | None = None,
 ) -> None:
     """Spring and damper between body `where[0]` of a chain and the one before it (or the motor), in place.
 
     Parameters
     ----------
-    modes : contact states in which it acts
     where : body, axis (motor), index of the chain's first state
     masses : (S,) of each body, per moved mass
-    law : stiffness and damping (S,); F = k·(Δ − rest) + d·Δ̇, Δ being the body before minus the body
+    law : stiffness and damping (S,); F = k·Δ + d·Δ̇, Δ being the body before minus the body
     """
     (body, axis, first), (k, d) = where, law
     at, before = first + 2 * body, first + 2 * (body - 1)
-    wide = (slice(None), None) if isinstance(modes, slice) else (slice(None),)
     for row, share in ((at, 1.0 / masses[body]), *(((before, -1.0 / masses[body - 1]),) if body else ())):
-        ks, ds = (k * share)[wide], (d * share)[wide]
-        system.A[:, modes, row + 1, at] -= ks
-        system.A[:, modes, row + 1, at + 1] -= ds
+        system.A[:, row + 1, at] -= k * share
+        system.A[:, row + 1, at + 1] -= d * share
         if body:
-            system.A[:, modes, row + 1, before] += ks
-            system.A[:, modes, row + 1, before + 1] += ds
+            system.A[:, row + 1, before] += k * share
+            system.A[:, row + 1, before + 1] += d * share
         else:
-            system.Bx[:, modes, row + 1, axis] += ks
-            system.Bv[:, modes, row + 1, axis] += ds
-        if rest is not None:
-            system.B0[:, modes, row + 1] -= (k * share * rest)[wide]
+            system.B[:, row + 1, system.motor(axis)] += k * share
+            system.B[:, row + 1, system.motor(axis, 1)] += d * share
 
 
 def add_bridge(system: LinearSystem, model: Model, values: Values) -> None:
     """f of eq. (9): spring and damper between the two carriages, relaxed at `bridge_offset`."""
-    k, d, offset = (values[f"bridge_{name}"][:, None] for name in ("stiffness", "damping", "offset"))
-    ratio = values["mass_ratio"][:, None]
-    for me, other, sign, share in ((0, 1, 1.0, 1.0), (1, 0, -1.0, 1.0 / ratio)):
+    k, d, offset = (values[f"bridge_{name}"] for name in ("stiffness", "damping", "offset"))
+    for me, other, sign, share in ((0, 1, 1.0, 1.0), (1, 0, -1.0, 1.0 / values["mass_ratio"])):
         x, y = model.load(me), model.load(other)
-        system.A[:, :, x + 1, x] -= k * share
-        system.A[:, :, x + 1, y] += k * share
-        system.A[:, :, x + 1, x + 1] -= d * share
-        system.A[:, :, x + 1, y + 1] += d * share
-        system.B0[:, :, x + 1] += sign * k * offset * share
+        system.A[:, x + 1, x] -= k * share
+        system.A[:, x + 1, y] += k * share
+        system.A[:, x + 1, x + 1] -= d * share
+        system.A[:, x + 1, y + 1] += d * share
+        system.B[:, x + 1, system.constant()] += sign * k * offset * share
