@@ -14,7 +14,8 @@ def admit(recording: Recording, axis: str) -> Refusal | None:
     refusal = plausibility.recorded(recording, axis)
     if refusal:
         return refusal
-    return plausibility.moved(list(whole_steps(recording, axis).values())) or paired(recording, axis)
+    steps = list(whole_steps(recording, axis).values())
+    return plausibility.moved(recording, axis, steps) or paired(recording, axis)
 
 
 def whole_steps(recording: Recording, axis: str, tau: float = 0.0) -> dict[int, StepSignals]:

@@ -1,105 +1,61 @@
-"""Accuracy of every method on a folder of captures with truth: the table of the estimator's goals.
+"""Accuracy of every method beside its rivals: the table of the estimator's goals, in one command.
 
-    python tests/benchmarks/accuracy.py FOLDER [--every N] [--first K] [--methods paper,contact_regression,model_fit]
+    python tests/benchmarks/accuracy.py                      60 captures a row, all methods; makes its captures itself
+    python tests/benchmarks/accuracy.py --count 140 --jobs 2  a long campaign; started again, it goes on
+    python tests/benchmarks/accuracy.py --every 20            a glimpse
+    python tests/benchmarks/accuracy.py --folder DIR          captures of your own with STEM-truth.json beside each
 
-FOLDER holds captures (*.parquet) and beside each STEM-truth.json with {"backlash_m": {"X1": …}}. Printed per
-method: how many axes, how many were refused, median, 95th percentile and worst error, the share within the goal,
-coverage and median half width of the 95 % interval, CPU time per capture, peak memory.
+Rows are single axes, gantries, both with small impurities that the model lacks, the shared captures, and faults
+that must be refused. `service` is what the product reports: the fit where its verdict is ok, else the plain value.
+Errors are of the axes that were answered; `draw_accuracy` makes the README's picture of the records.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
-import resource
-import time
-from collections.abc import Callable, Mapping
+import sys
+from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
+sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from service.backlash.contact_regression import contact_regression
-from service.backlash.model_fit import model_fit_axes
-from service.backlash.paper import paper
-from service.backlash.results import AxisResult
-from service.captures import read_capture
-from service.recording import Recording
+from tests.benchmarks.campaign import ROWS, Campaign, run
+from tests.benchmarks.measuring import METHODS
+from tests.benchmarks.tabulate import print_tables
 
-Method = Callable[[Recording], Mapping[str, AxisResult]]
+CHEAP = ("paper", "contact_regression", "output_at_rest", "constant_output_speed", "speed_curves")
 
 
-def each_axis(method: Callable[[Recording, str], AxisResult]) -> Method:
-    """A method of one axis for all axes of a recording."""
-    return lambda recording: {axis.name: method(recording, axis.name) for axis in recording.axes}
-
-
-METHODS: Mapping[str, Method] = {
-    "paper": each_axis(paper),
-    "contact_regression": each_axis(contact_regression),
-    "model_fit": lambda recording: model_fit_axes(recording, recording.axes[0].name),
-}
-
-
-def goal(axes: int, b: float) -> float:
-    """Largest error that counts as within the goal [m]."""
-    return max(0.3e-6, 0.005 * b) if axes == 1 else max(1e-6, 0.02 * b)
-
-
-def measure(method: Method, path: Path) -> tuple[list[tuple[float, float, float]], int, float]:
-    """Errors, half widths and goals [m] of one capture's axes, number refused, CPU time [s]."""
-    truth = json.loads(path.with_name(path.stem + "-truth.json").read_text())["backlash_m"]
-    recording = read_capture(path)
-    start = time.process_time()
-    results = method(recording)
-    spent = time.process_time() - start
-    rows, refused = [], 0
-    for axis, result in results.items():
-        if result.backlash is None or result.interval_95 is None:
-            refused += 1
-            continue
-        half = 0.5 * (result.interval_95[1] - result.interval_95[0])
-        rows.append((result.backlash - truth[axis], half, goal(len(results), truth[axis])))
-    return rows, refused, spent
-
-
-def report(name: str, rows: list[tuple[float, float, float]], refused: int, times: list[float]) -> None:
-    """One line of the table; lengths in µm."""
-    if not rows:
-        print(f"{name:20s} no value, {refused} refused")
-        return
-    error, half, limit = np.abs(np.array(rows)).T * 1e6
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    print(
-        f"{name:20s} n {len(rows):4d} refused {refused:3d} | median {np.median(error):7.3f} "
-        f"p95 {np.quantile(error, 0.95):7.3f} worst {error.max():8.3f} µm | within goal "
-        f"{np.mean(error <= limit):5.1%} | covered {np.mean(error <= half):5.1%} half {np.median(half):6.3f} µm | "
-        f"{np.median(times):5.2f} s (most {max(times):5.2f}) | {peak:4.0f} MB",
-        flush=True,
+def campaign_of(options: argparse.Namespace) -> Campaign:
+    """The campaign that the command line asks for."""
+    rows = tuple(options.rows.split(","))
+    if options.folder is not None:
+        rows = (str(options.folder.resolve()),)
+    return Campaign(
+        options.work,
+        rows,
+        tuple(options.methods.split(",")),
+        options.count,
+        options.seed,
+        options.every,
+        options.jobs,
     )
 
 
-def main() -> None:
-    """Run the benchmark on one folder."""
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the benchmark and print its table."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--every", type=int, default=1)
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--methods", default=",".join(METHODS))
-    options = parser.parse_args()
-    known = [
-        p for p in sorted(options.folder.glob("*.parquet")) if p.with_name(p.stem + "-truth.json").exists()
-    ]
-    paths = known[options.first :: options.every]
-    for name in options.methods.split(","):
-        rows, refused, times = [], 0, []
-        for path in paths:
-            found, lost, spent = measure(METHODS[name], path)
-            rows += found
-            refused += lost
-            times.append(spent)
-        report(name, rows, refused, times)
+    parser.add_argument("--rows", default=",".join(ROWS), help=f"of {', '.join(ROWS)}")
+    parser.add_argument("--methods", default=",".join((*CHEAP, "model_fit")), help=f"of {', '.join(METHODS)}")
+    parser.add_argument("--count", type=int, default=60, help="captures per row")
+    parser.add_argument("--seed", type=int, default=1, help="of the generator; another one, other machines")
+    parser.add_argument("--every", type=int, default=1, help="only each n-th capture of a row")
+    parser.add_argument("--jobs", type=int, default=1, help="processes at once")
+    parser.add_argument("--folder", type=Path, help="a folder of captures with truth instead of the rows")
+    parser.add_argument("--work", type=Path, default=Path("build/accuracy"), help="for captures and records")
+    print_tables(run(campaign_of(parser.parse_args(arguments))))
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from service.backlash.admission import admit
 from service.backlash.paper import paper
 from service.backlash.results import AxisResult, Reason
 from service.recording import FloatArray, Recording, Trace
@@ -139,6 +140,18 @@ def with_speed(source: Recording, shape: Callable[[FloatArray], FloatArray]) -> 
         ("X1", "acceleration"): Trace(load.time, np.interp(load.time, fine, np.gradient(v, 1e-5))),
     }
     return replace(source, traces=traces)
+
+
+@pytest.mark.parametrize("overshoot", [-0.25, 0.25])
+def test_a_loop_that_rings_or_creeps_is_the_drives_own_affair(overshoot: float) -> None:
+    def ringing(share: FloatArray) -> FloatArray:
+        near = np.minimum(share, 1 - share)
+        nominal = np.where(near < 0.25, 16 * near**2, 2 - 16 * (0.5 - near) ** 2)
+        changed = nominal * (1.0 + overshoot * np.sin(np.pi * share) ** 2)
+        return np.asarray(changed / np.mean(changed))
+
+    source = recording(SOUND)
+    assert admit(with_speed(source, ringing), "X1") is None
 
 
 def test_a_section_of_constant_speed_breaks_the_excitation() -> None:
