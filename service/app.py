@@ -12,7 +12,7 @@ from __future__ import annotations
 import importlib.metadata
 import logging
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -33,6 +33,7 @@ from service.runs.box import Box
 from service.runs.diagnostic_run import Workshop
 from service.runs.refinement import Refinement
 from service.runs.scheduler import Scheduler
+from service.runs.workbench import Workbench
 from service.store.database import open_database
 from service.store.records import AxisRecord, RunRecord
 from service.store.repository import Repository
@@ -52,6 +53,7 @@ class House:
     box: Box
     workshop: Workshop
     refinement: Refinement
+    workbench: Workbench
 
     def missing(self) -> Sequence[str]:
         """What keeps the service from measuring, in sentences; empty when nothing does."""
@@ -73,11 +75,16 @@ class House:
 
 @contextmanager
 def house(
-    settings: Settings, machine: MachineOpener = open_machine, *, refine: bool = True
+    settings: Settings,
+    machine: MachineOpener = open_machine,
+    *,
+    refine: bool = True,
+    analysis: Callable[[], Analysis] = Analysis,
 ) -> Iterator[House]:
     """Open the whole service; ``machine`` opens what is behind the buses, another one in the demo.
 
     Without ``refine`` the immediate values stand: for who does not stay long enough to wait for better ones.
+    ``analysis`` builds the numerics, others in tests.
 
     Raises
     ------
@@ -90,21 +97,31 @@ def house(
         repository.declare_axes(_axis_records(settings))
         for run_id in repository.fail_interrupted(_now()):
             log.warning("run %d was interrupted by the end of the service before", run_id)
-        with Analysis() as analysis, MotionClient(settings, machine) as motion:
-            workshop = Workshop(motion, analysis, repository, settings.storage.captures, _now)
-            with (
-                Refinement(workshop) as refinement,
-                Box(
-                    settings,
-                    workshop,
-                    abort=motion.abort,
-                    refine=refinement.submit if refine else lambda _run: None,
-                ) as box,
-                Scheduler(settings, workshop, box),
-            ):
-                yield House(settings, repository, box, workshop, refinement)
+        repository.models.give_up_unfinished(_now())
+        with analysis() as numerics, MotionClient(settings, machine) as motion:
+            workshop = Workshop(motion, numerics, repository, settings.storage.captures, _now)
+            refinement = Refinement(workshop, then=lambda run_id: workbench.submit(run_id))
+            workbench = Workbench(
+                workshop,
+                is_busy=lambda: refinement.is_busy() or repository.unfinished_run() is not None,
+                explain=settings.model.explain,
+                policy=settings.model.policy,
+            )
+            box = Box(
+                settings,
+                workshop,
+                abort=motion.abort,
+                refine=refinement.submit if refine else _leave,
+                explain=workbench.submit if refine else _leave,
+            )
+            with workbench, refinement, box, Scheduler(settings, workshop, box):
+                yield House(settings, repository, box, workshop, refinement, workbench)
     finally:
         database.close()
+
+
+def _leave(run_id: int) -> None:
+    """Leave a finished run as it is."""
 
 
 def draw_step(workshop: Workshop, run: RunRecord, axis: str, step: int) -> str | None:

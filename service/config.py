@@ -150,6 +150,13 @@ class ScheduleSettings(_Section):
     late_by_at_most_min: int = Field(default=180, ge=1, le=720)
 
 
+class ModelSettings(_Section):
+    """What is done with what the declared model lacks: is it looked for, and who accepts a model revision."""
+
+    explain: bool = True
+    policy: Literal["ask", "accept_when_clear"] = "ask"
+
+
 class Settings(BaseSettings):
     """Everything that the service needs to know about its machine."""
 
@@ -165,6 +172,7 @@ class Settings(BaseSettings):
     gantry: tuple[GantrySettings, ...] = ()
     excitation: ExcitationSettings = ExcitationSettings()
     schedule: ScheduleSettings = ScheduleSettings()
+    model: ModelSettings = ModelSettings()
 
     @classmethod
     def settings_customise_sources(
@@ -182,7 +190,7 @@ class Settings(BaseSettings):
         _check_names(self)
         _check_buses(self)
         for axis in self.axis:
-            _check_excitation(axis, self.excitation)
+            check_excitation(axis, self.excitation)
         for bus in self.bus:
             _check_load(self, bus)
         return self
@@ -231,7 +239,7 @@ def _describe(fault: Any) -> str:
 def _known_keys() -> set[str]:
     sections = (
         Settings, MachineSettings, StorageSettings, ApiSettings, BusSettings, AccelerometerSettings,
-        AxisSettings, GantrySettings, ExcitationSettings, ScheduleSettings,
+        AxisSettings, GantrySettings, ExcitationSettings, ScheduleSettings, ModelSettings,
     )  # fmt: skip
     return {key for section in sections for key in section.model_fields}
 
@@ -292,7 +300,8 @@ def _check_can_ids(settings: Settings, bus: str, nodes: list[int]) -> None:
             raise ValueError(f"bus {bus}: CAN id 0x{number:03X} of an accelerometer is taken already")
 
 
-def _check_excitation(axis: AxisSettings, excitation: ExcitationSettings) -> None:
+def check_excitation(axis: AxisSettings, excitation: ExcitationSettings) -> None:
+    """Raise ValueError, saying what is exceeded, when a step is more than the axis may do."""
     travel = axis.travel_max_m - axis.travel_min_m
     if excitation.step_length_m > travel:
         raise ValueError(

@@ -18,6 +18,7 @@ ALLOWED: dict[str, set[str]] = {
     "service.backlash": NUMERICS | {"service.dynamics"},
     "service.monitoring": NUMERICS | {"service.backlash"},
     "service.identification": NUMERICS | {"service.dynamics", "service.backlash"},
+    "service.report": NUMERICS,
     "service.config": {"service.dynamics", "drivers"},
     "service.captures": NUMERICS | {"service.backlash"},
     "service.store": NUMERICS | {"service.backlash", "service.monitoring", "migrations"},
@@ -25,6 +26,7 @@ ALLOWED: dict[str, set[str]] = {
     "service.runs": {
         "service.motion", "service.store", "service.captures", "service.config", "service.recording",
         "service.backlash", "service.monitoring", "service.identification", "service.dynamics",
+        "service.report",
     },
     "service.api": {"service.runs", "service.store", "service.config", "service.backlash", "service.monitoring"},
     "service.app": {
@@ -56,6 +58,7 @@ PURE = (
     "service.backlash",
     "service.monitoring",
     "service.identification",
+    "service.report",
 )
 
 

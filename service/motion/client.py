@@ -25,6 +25,7 @@ from service.motion.messages import (
     Recorded,
     Request,
     Shutdown,
+    Steps,
 )
 from service.motion.process import MachineOpener, motion_main
 
@@ -67,9 +68,12 @@ class MotionClient(AbstractContextManager["MotionClient"]):
         self.close()
 
     def execute(
-        self, group: str, on_progress: Callable[[Progress], None] = lambda progress: None
+        self,
+        group: str,
+        on_progress: Callable[[Progress], None] = lambda progress: None,
+        steps: Steps | None = None,
     ) -> Recorded:
-        """Make the diagnostic steps on ``group`` and return what was recorded.
+        """Make the diagnostic steps on ``group``, the configured ones or others, and return what was recorded.
 
         Raises
         ------
@@ -77,7 +81,7 @@ class MotionClient(AbstractContextManager["MotionClient"]):
         """
         connection = self._connected()
         try:
-            connection.send(Execute(group))
+            connection.send(Execute(group, steps))
             if self._abort:
                 connection.send(Abort())
             return self._await_recording(connection, on_progress)

@@ -18,8 +18,8 @@ from drivers.drive import Drive, DriveConfig, DriveMove, start_together
 from drivers.errors import DriverError
 from drivers.trace import Frames, Recorder
 from drivers.trace import Trace as BusTrace
-from service.config import HEARTBEAT_PERIOD, AxisSettings, BusSettings, Settings
-from service.motion.messages import Progress, Recorded
+from service.config import HEARTBEAT_PERIOD, AxisSettings, BusSettings, ExcitationSettings, Settings
+from service.motion.messages import Progress, Recorded, Steps
 from service.motion.plan import Plan, PlannedStep, plan_steps
 from service.recording import AxisDescription, Move, Recording, Trace
 
@@ -50,9 +50,15 @@ class BusMachine:
         self._logs: list[Recorder] = []
 
     def execute(
-        self, group: str, guard: Callable[[], None], on_progress: Callable[[Progress], None]
+        self,
+        group: str,
+        guard: Callable[[], None],
+        on_progress: Callable[[Progress], None],
+        steps: Steps | None = None,
     ) -> Recorded:
-        """Make the steps of one group; ``guard`` is called while waiting and raises to stop the run.
+        """Make the steps of one group, the configured ones or others.
+
+        ``guard`` is called while waiting and raises to stop the run.
 
         Raises
         ------
@@ -65,12 +71,21 @@ class BusMachine:
             buses = self._open_buses(stack, axes)
             self._logs = [stack.enter_context(bus.recording()) for bus in buses.values()]
             stations = self._connect(stack, buses, axes)
-            plan = plan_steps(axes, self._settings.excitation, _positions(stations))
+            excitation, prefer = self._excitation(steps)
+            plan = plan_steps(axes, excitation, _positions(stations), prefer)
             recorders = {name: stack.enter_context(bus.recording()) for name, bus in buses.items()}
             moves = _make_steps(stations, plan, guard, on_progress)
             _await_recorders(buses, recorders, moves[-1].end)
             frames = {name: recorder.frames() for name, recorder in recorders.items()}
             return self._decode(stations, plan, moves, frames)
+
+    def _excitation(self, steps: Steps | None) -> tuple[ExcitationSettings, int]:
+        """The excitation and the preferred first direction."""
+        configured = self._settings.excitation
+        if steps is None:
+            return configured, 1
+        changed = {"step_length_m": steps.length, "jerk_m_s3": steps.jerk}
+        return configured.model_copy(update=changed), steps.direction
 
     def bus_log(self) -> bytes:
         """All frames of the last run as BLF, from the connection on, one channel per bus; of a failed run too."""

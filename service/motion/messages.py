@@ -12,10 +12,20 @@ from service.recording import Recording
 
 
 @dataclass(frozen=True)
+class Steps:
+    """Steps other than the configured ones: SL [m], j_lim [m/s³], direction of the first one ±1."""
+
+    length: float
+    jerk: float
+    direction: int = 1
+
+
+@dataclass(frozen=True)
 class Execute:
-    """Run the diagnostic steps on one group."""
+    """Run the diagnostic steps on one group: the configured ones, or others."""
 
     group: str
+    steps: Steps | None = None
 
 
 @dataclass(frozen=True)

@@ -52,13 +52,17 @@ class Plan:
 
 
 def plan_steps(
-    axes: Sequence[AxisSettings], excitation: ExcitationSettings, positions: Mapping[str, float]
+    axes: Sequence[AxisSettings],
+    excitation: ExcitationSettings,
+    positions: Mapping[str, float],
+    prefer: int = 1,
 ) -> Plan:
     """Plan the diagnostic steps of one group from where its axes stand.
 
     Parameters
     ----------
     positions : present position of each axis [m], in the coordinates of travel_min_m and travel_max_m
+    prefer : direction ±1 of the first step where both have room
 
     Raises
     ------
@@ -68,7 +72,7 @@ def plan_steps(
     first = next(
         (
             sign
-            for sign in (1, -1)
+            for sign in (prefer, -prefer)
             if all(_stays_inside(axis, positions[axis.name], sign * length) for axis in axes)
         ),
         None,

@@ -16,7 +16,7 @@ from typing import Protocol
 
 from drivers.errors import DriverError
 from service.config import Settings
-from service.motion.messages import Abort, Execute, Failed, Progress, Ready, Recorded, Reply, Shutdown
+from service.motion.messages import Abort, Execute, Failed, Progress, Ready, Recorded, Reply, Shutdown, Steps
 from service.motion.plan import NotPermitted
 
 CLIENT_SILENCE = 2.0
@@ -31,7 +31,11 @@ class Machine(Protocol):
     """The machine behind the buses, as the motion process uses it."""
 
     def execute(
-        self, group: str, guard: Callable[[], None], on_progress: Callable[[Progress], None]
+        self,
+        group: str,
+        guard: Callable[[], None],
+        on_progress: Callable[[Progress], None],
+        steps: Steps | None = None,
     ) -> Recorded:
         """Make the steps; ``guard`` is called at least every 50 ms and raises to stop them."""
 
@@ -63,13 +67,13 @@ def _serve(connection: Connection, machine: Machine) -> None:
         if isinstance(request, Shutdown):
             return
         if isinstance(request, Execute):
-            _try_send(connection, _execute(connection, machine, request.group))
+            _try_send(connection, _execute(connection, machine, request))
 
 
-def _execute(connection: Connection, machine: Machine, group: str) -> Reply:
+def _execute(connection: Connection, machine: Machine, request: Execute) -> Reply:
     guard = _ClientGuard(connection)
     try:
-        recorded = machine.execute(group, guard, connection.send)
+        recorded = machine.execute(request.group, guard, connection.send, request.steps)
     except (DriverError, NotPermitted, RunStopped, OSError) as error:
         return Failed(type(error).__name__, str(error), machine.bus_log())
     return replace(recorded, bus_log=machine.bus_log())

@@ -13,12 +13,13 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from datetime import date
 
-from service.config import Settings
+from service.config import Settings, check_excitation
 from service.motion import messages
 from service.runs.diagnostic_run import Workshop, diagnostic_run
 from service.store.errors import StoreError
 from service.store.records import (
     AlreadyRun,
+    BeyondLimits,
     CheckAnswer,
     Progress,
     QueueAnswer,
@@ -27,12 +28,17 @@ from service.store.records import (
     RunKind,
     RunOrder,
     RunRecord,
+    StepParameters,
+    StepsAnswer,
     UnknownTarget,
 )
 
 log = logging.getLogger(__name__)
 
 FINAL = ("ok", "refused", "failed")
+
+LONGEST_STEP = 10.0
+"""Longest duration of a step that may be asked for [s]; chosen: a hundred times the diagnostic step's."""
 
 
 class Box(AbstractContextManager["Box"]):
@@ -45,12 +51,17 @@ class Box(AbstractContextManager["Box"]):
         *,
         abort: Callable[[], None],
         refine: Callable[[int], None],
+        explain: Callable[[int], None] = lambda _run: None,
     ) -> None:
-        """``abort`` stops what moves when the box is left; ``refine`` is told each run that gave a value."""
+        """``abort`` stops what moves when the box is left.
+
+        ``refine`` is told each run that gave a value, ``explain`` each that was refused.
+        """
         self._settings = settings
         self._workshop = workshop
         self._abort = abort
         self._refine = refine
+        self._explain = explain
         self._orders: queue.Queue[int | None] = queue.Queue()
         self._progress: Progress | None = None
         self._finished = threading.Condition()
@@ -68,6 +79,14 @@ class Box(AbstractContextManager["Box"]):
     def request(self, target: str, idempotency_key: str | None = None) -> CheckAnswer:
         """Put a check of the axis or group called ``target`` into the box, or say why not."""
         answer = self._put(target, "on_demand", None, idempotency_key)
+        assert not isinstance(answer, AlreadyRun), "only a nightly run belongs to a date"
+        return answer
+
+    def request_steps(self, target: str, steps: StepParameters) -> StepsAnswer:
+        """Put a run of other steps than the configured ones into the box, or say why not."""
+        if beyond := beyond_limits(self._settings, target, steps):
+            return BeyondLimits(beyond)
+        answer = self._put(target, "on_demand", None, None, steps)
         assert not isinstance(answer, AlreadyRun), "only a nightly run belongs to a date"
         return answer
 
@@ -89,7 +108,12 @@ class Box(AbstractContextManager["Box"]):
         return self._workshop.repository.run(run_id)
 
     def _put(
-        self, target: str, kind: RunKind, local_date: date | None, idempotency_key: str | None
+        self,
+        target: str,
+        kind: RunKind,
+        local_date: date | None,
+        idempotency_key: str | None,
+        steps: StepParameters | None = None,
     ) -> QueueAnswer | UnknownTarget:
         groups = self._settings.groups
         group = self._settings.group_of(target)
@@ -103,6 +127,7 @@ class Box(AbstractContextManager["Box"]):
             requested_at=self._workshop.wall_time(),
             local_date=local_date,
             idempotency_key=idempotency_key,
+            steps=steps,
         )
         answer = self._workshop.repository.queue_run(order)
         if isinstance(answer, Queued) and not answer.replayed:
@@ -123,6 +148,8 @@ class Box(AbstractContextManager["Box"]):
             end = diagnostic_run(self._workshop, run, lambda progress: self._note(run, progress))
             if end.state == "ok":
                 self._refine(run_id)
+            elif end.state == "refused":
+                self._explain(run_id)
         except Exception:
             # The worker must outlive whatever a run does; the run itself is stored as failed.
             log.exception("run %d ended by a fault of the program", run_id)
@@ -143,3 +170,19 @@ class Box(AbstractContextManager["Box"]):
             self._workshop.repository.finish_run(end)
         except StoreError:
             log.exception("run %d could not be stored as failed", run_id)
+
+
+def beyond_limits(settings: Settings, target: str, steps: StepParameters) -> str | None:
+    """Say which limit of an axis the steps exceed; None when they exceed none."""
+    group = settings.group_of(target)
+    changed = {"step_length_m": steps.length, "jerk_m_s3": steps.jerk}
+    excitation = settings.excitation.model_copy(update=changed)
+    try:
+        for axis in settings.groups[group] if group else ():
+            check_excitation(settings.axis_named(axis), excitation)
+    except ValueError as error:
+        return str(error)
+    duration = 4 * (steps.length / (2 * steps.jerk)) ** (1 / 3)
+    if duration > LONGEST_STEP:
+        return f"a step would last {duration:.0f} s, at most {LONGEST_STEP:.0f} s are allowed: raise the jerk"
+    return None

@@ -15,13 +15,15 @@ from typing import Protocol
 from service.backlash.estimate import best
 from service.backlash.results import AxisResult
 from service.captures import CaptureError, write_capture
-from service.monitoring.alarm import Band, judge
+from service.identification.explanation import Explanation
 from service.motion.client import MotionError
-from service.motion.messages import Progress, Recorded
+from service.motion.messages import Progress, Recorded, Steps
 from service.recording import Recording
-from service.runs.analysis import AnalysisError
+from service.runs.analysis import AnalysisError, KnownCapture
+from service.runs.judging import beside, is_measurement, judge_result
+from service.runs.revised import Effects
 from service.store.errors import StoreError
-from service.store.records import AlarmChange, AxisOutcome, AxisRecord, CaptureFile, RunEnd, RunRecord
+from service.store.records import CaptureFile, RunEnd, RunRecord
 from service.store.repository import Repository
 
 log = logging.getLogger(__name__)
@@ -30,8 +32,10 @@ log = logging.getLogger(__name__)
 class Motion(Protocol):
     """What moves the axes and records them."""
 
-    def execute(self, group: str, on_progress: Callable[[Progress], None]) -> Recorded:
-        """Make the steps; MotionError when they could not be made."""
+    def execute(
+        self, group: str, on_progress: Callable[[Progress], None], steps: Steps | None = None
+    ) -> Recorded:
+        """Make the configured steps, or others; MotionError when they could not be made."""
 
 
 class Analysis(Protocol):
@@ -42,6 +46,16 @@ class Analysis(Protocol):
 
     def refined(self, path: Path, sha256: str) -> Sequence[AxisResult]:
         """In seconds to tens of seconds, a fraction of a micrometre accurate."""
+
+    def explain(
+        self, train: Sequence[KnownCapture], validate: KnownCapture, tell: Callable[[str], None]
+    ) -> Explanation:
+        """In minutes, what the declared model lacks."""
+
+    def revised(
+        self, capture: KnownCapture, effects: Effects, others: Sequence[KnownCapture]
+    ) -> Sequence[AxisResult]:
+        """With the effects that were accepted for the axes' models."""
 
     def stop(self) -> None:
         """End what is under way."""
@@ -63,7 +77,7 @@ def diagnostic_run(workshop: Workshop, run: RunRecord, on_progress: Callable[[Pr
     workshop.repository.start_run(run.id, workshop.wall_time())
     capture: CaptureFile | None = None
     try:
-        recorded = workshop.motion.execute(run.group, on_progress)
+        recorded = workshop.motion.execute(run.group, on_progress, _steps(run))
         capture = keep_capture(workshop, run, recorded.recording)
         keep_bus_log(workshop, run, recorded.bus_log, Path(capture.path))
         answers = analyse(workshop, capture, on_progress)
@@ -116,19 +130,6 @@ def _capture_name(run: RunRecord, at: datetime) -> Path:
     return Path(f"{at:%Y}") / f"{at:%Y%m%dT%H%M%SZ}-{run.group}-{run.id}.parquet"
 
 
-def judge_result(
-    repository: Repository, axis: AxisRecord, result: AxisResult, at: datetime
-) -> tuple[AxisOutcome, tuple[AlarmChange, ...]]:
-    """Set a new value into its axis' history: the trend with it, and what becomes of the axis' alarms."""
-    history = repository.history(axis.name, result.method).with_value(at.timestamp(), result.backlash)
-    has_band = axis.reference is not None and axis.tolerance is not None
-    band = Band(axis.reference, axis.tolerance) if has_band else None  # type: ignore[arg-type]
-    judgement = judge(history.t, history.b, band, repository.active_alarms(axis.name))
-    trend = judgement.trend if result.verdict == "ok" else None
-    changes = tuple(AlarmChange(axis.name, change) for change in judgement.changes)
-    return AxisOutcome(result, series=axis.series, trend=trend), changes
-
-
 def _concluded(
     workshop: Workshop, run: RunRecord, capture: CaptureFile, answers: Sequence[Sequence[AxisResult]]
 ) -> RunEnd:
@@ -136,17 +137,21 @@ def _concluded(
     now = workshop.wall_time()
     repository = workshop.repository
     reported = best(answers[0], answers[-1])
-    judged = [judge_result(repository, repository.axis(result.axis), result, now) for result in reported]
-    beside = [
-        AxisOutcome(result, reported=False, series=repository.axis(result.axis).series)
-        for answer in answers
-        for result in answer
-        if result not in reported
-    ]
+    others = [beside(result) for answer in answers for result in answer if result not in reported]
     end = _end(run, now, capture, reported)
+    if not is_measurement(run):
+        repository.finish_run(end, [beside(result) for result in reported] + others)
+        return end
+    judged = [judge_result(repository, repository.axis(result.axis), result, now) for result in reported]
     changes = [change for _, found in judged for change in found]
-    repository.finish_run(end, [outcome for outcome, _ in judged] + beside, changes)
+    repository.finish_run(end, [outcome for outcome, _ in judged] + others, changes)
     return end
+
+
+def _steps(run: RunRecord) -> Steps | None:
+    if run.steps is None:
+        return None
+    return Steps(run.steps.length, run.steps.jerk, run.steps.direction)
 
 
 def _end(run: RunRecord, now: datetime, capture: CaptureFile, reported: Sequence[AxisResult]) -> RunEnd:

@@ -9,23 +9,28 @@ from __future__ import annotations
 import logging
 import queue
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 
 from service.backlash.results import AxisResult
 from service.captures import CaptureError
 from service.runs.analysis import AnalysisError
-from service.runs.diagnostic_run import Workshop, judge_result
+from service.runs.diagnostic_run import Workshop
+from service.runs.judging import beside, is_measurement, judge_result
 from service.store.records import AlarmChange, AxisOutcome, RunRecord
 
 log = logging.getLogger(__name__)
 
 
 class Refinement(AbstractContextManager["Refinement"]):
-    """Refines what is handed to ``submit`` until it is left; what is under way then is given up."""
+    """Refines what is handed to ``submit`` until it is left; what is under way then is given up.
 
-    def __init__(self, workshop: Workshop) -> None:
+    ``then`` is told each run whose values are as good as they get, refined or not.
+    """
+
+    def __init__(self, workshop: Workshop, then: Callable[[int], None] = lambda _run: None) -> None:
         self._workshop = workshop
+        self._then = then
         self._waiting: queue.Queue[int | None] = queue.Queue()
         self._thread = threading.Thread(target=self._work, name="refinement")
 
@@ -42,6 +47,10 @@ class Refinement(AbstractContextManager["Refinement"]):
         """Have a finished run refined."""
         self._waiting.put(run_id)
 
+    def is_busy(self) -> bool:
+        """Whether anything waits or is being refined."""
+        return self._waiting.unfinished_tasks > 0
+
     def wait_idle(self) -> None:
         """Wait until everything that was submitted is done."""
         self._waiting.join()
@@ -49,14 +58,19 @@ class Refinement(AbstractContextManager["Refinement"]):
     def _work(self) -> None:
         while (run_id := self._waiting.get()) is not None:
             try:
-                refine(self._workshop, run_id)
-            except (AnalysisError, CaptureError) as error:
-                log.warning("run %d keeps its immediate values: %s", run_id, error)
+                self._refine(run_id)
+                self._then(run_id)
             except Exception:
                 # The thread must outlive one bad run; its immediate values stand.
                 log.exception("run %d could not be refined", run_id)
             finally:
                 self._waiting.task_done()
+
+    def _refine(self, run_id: int) -> None:
+        try:
+            refine(self._workshop, run_id)
+        except (AnalysisError, CaptureError) as error:
+            log.warning("run %d keeps its immediate values: %s", run_id, error)
 
 
 def refine(workshop: Workshop, run_id: int) -> None:
@@ -76,8 +90,8 @@ def _store(workshop: Workshop, run: RunRecord, results: Sequence[AxisResult]) ->
     changes: list[AlarmChange] = []
     for result in results:
         axis = repository.axis(result.axis)
-        if result.verdict == "refused":
-            outcomes.append(AxisOutcome(result, reported=False, series=axis.series))
+        if result.verdict == "refused" or not is_measurement(run):
+            outcomes.append(beside(result))
             continue
         outcome, found = judge_result(repository, axis, result, measured_at)
         outcomes.append(outcome)

@@ -67,10 +67,17 @@ class Scheduler(AbstractContextManager["Scheduler"]):
                 return
 
     def _last_value(self, axis: str) -> datetime:
-        """When the axis last gave a value; before its first one, when it was first tried or the service began."""
+        """When the axis last gave a value; before its first one, when it was first tried or the service began.
+
+        A series that an accepted model revision has just begun counts from the decision.
+        """
         repository = self._workshop.repository
+        revision = repository.models.in_force(axis)
+        decided = [] if revision is None or revision.decided_at is None else [revision.decided_at]
         if values := repository.values(axis, limit=1, accepted=True):
-            return values[0].measured_at
+            return max([values[0].measured_at, *decided])
+        if decided:
+            return decided[0]
         runs = repository.runs(axis=axis)
         return min([self._began, *(run.requested_at for run in runs)])
 

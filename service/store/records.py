@@ -105,6 +105,13 @@ class UnknownTarget:
 
 
 @dataclass(frozen=True)
+class BeyondLimits:
+    """Refused: the steps are more than an axis may do; ``detail`` says which limit, and what to do."""
+
+    detail: str
+
+
+@dataclass(frozen=True)
 class Unavailable:
     """Refused: the machine cannot move now; ``detail`` says what is wrong and what to do."""
 
@@ -112,6 +119,7 @@ class Unavailable:
 
 
 CheckAnswer = Queued | Busy | KeyReused | UnknownTarget | Unavailable
+StepsAnswer = CheckAnswer | BeyondLimits
 
 
 @dataclass(frozen=True)

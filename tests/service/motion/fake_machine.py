@@ -9,13 +9,17 @@ from contextlib import contextmanager
 
 from drivers.errors import DriverError
 from service.config import Settings
-from service.motion.messages import Progress, Recorded
+from service.motion.messages import Progress, Recorded, Steps
 from service.recording import Recording
 
 
 class FakeMachine:
     def execute(
-        self, group: str, guard: Callable[[], None], on_progress: Callable[[Progress], None]
+        self,
+        group: str,
+        guard: Callable[[], None],
+        on_progress: Callable[[Progress], None],
+        steps: Steps | None = None,
     ) -> Recorded:
         if group == "fault":
             raise DriverError("drive X1 reports fault 0x7305")

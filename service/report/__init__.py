@@ -1,0 +1,1 @@
+"""A finding for people: its words, its pictures, its page. Plain data in, text out."""
