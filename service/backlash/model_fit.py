@@ -142,7 +142,7 @@ def step_values(outcome: Outcome, x: int) -> StepValues:
     _, r, J = jacobian(problem, at)
     r = np.clip(np.nan_to_num(r), -OVERFLOWN, OVERFLOWN)
     k = [p.name for p in problem.model.parameters].index(f"{problem.model.axes[x]}.backlash")
-    own = 2 * len(problem.model.axes)
+    own = len(problem.local_spread) * len(problem.model.axes)
     step_of = np.nonzero(np.stack([g.used for g in problem.grids]))[0]
     parameter, shared = problem.model.parameters[k], len(at.shared)
     b, t1, t2 = [], [], []

@@ -1,10 +1,11 @@
 """Output-error problem: what is fitted, residuals, and a Gauss-Newton fit with all perturbations in one pass.
 
 Free are the model's shared parameters, in coordinates in which their prior is standard normal, and for each
-step and axis the load's position and speed at the first grid point, as nuisance. Residuals are divided by the
-sensor's noise times max(1, present misfit), so that the priors hold while the fit is still bad.
+step and axis the load's position and speed at the first grid point, as nuisance; on a gantry the motor's position
+too, since what the integrated speeds say of the distance of the two motors wanders from step to step. Residuals
+are divided by the sensor's noise times max(1, present misfit), so that the priors hold while the fit is still bad.
 
-Shapes: P shared coordinates, T steps, X axes, K samples; local (T, X, 2) in units of LOCAL_SPREAD.
+Shapes: P shared coordinates, T steps, X axes, K samples; local (T, X, L) in units of `local_spread`, L = 2 or 3.
 """
 
 from __future__ import annotations
@@ -46,7 +47,8 @@ class Problem:
     ----------
     motion : (T, X) motor position at the output as a polynomial of time [m]
     noise : (X,) standard deviation of one accelerometer sample [m/s²]
-    local_spread : (2,) prior of the load's initial position [m] and speed [m/s] against the contact's own
+    local_spread : (L,) prior of the load's initial position [m] and speed [m/s] against the contact's own, and where
+        there is a third, of the motor's position [m] against its integrated speed
     free : which of the model's parameters are fitted; others stay at their start
     """
 
@@ -65,6 +67,11 @@ class Problem:
     def samples(self) -> int:
         return max(int(g.measured.shape[1]) for g in self.grids)
 
+    @property
+    def local_shape(self) -> tuple[int, int, int]:
+        """Steps, axes, and nuisance coordinates of each."""
+        return len(self.grids), len(self.model.axes), len(self.local_spread)
+
     def first_steps(self, n: int) -> Problem:
         """The same problem with the first n steps only."""
         return replace(self, grids=self.grids[:n], motion=self.motion[:n])
@@ -77,7 +84,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class Point:
-    """shared : (P,), local : (T, X, 2), both in the fit's coordinates."""
+    """shared : (P,), local : (T, X, L), both in the fit's coordinates."""
 
     shared: FloatArray
     local: FloatArray
@@ -135,7 +142,7 @@ def motor_coefficients(problem: Problem, skews: FloatArray) -> FloatArray:
 def load_start(
     problem: Problem, values: dict[str, FloatArray], c: FloatArray, local: FloatArray
 ) -> FloatArray:
-    """Load position and speed at the first grid point (S, T, X, 2), local coordinates (S, T, X, 2) counted from
+    """Load position and speed at the first grid point (S, T, X, 2), local coordinates (S, T, X, L) counted from
     where the driving flank holds the load at the motor's acceleration."""
     out = np.empty((*c.shape[:2], len(problem.model.axes), 2))
     for x, name in enumerate(problem.model.axes):
@@ -146,14 +153,16 @@ def load_start(
         pull = a + s * values[f"{name}.coulomb"][:, None] + values[f"{name}.viscous"][:, None] * motor[..., 1]
         out[:, :, x, 0] = motor[..., 0] - pull / k[:, None] - 0.5 * s * values[f"{name}.backlash"][:, None]
         out[:, :, x, 1] = motor[..., 1]
-    return out + local * problem.local_spread
+    return out + (local * problem.local_spread)[..., :2]
 
 
 def respond(problem: Problem, shared: FloatArray, local: FloatArray) -> Response:
-    """Simulate sets of coordinates: shared (S, P), local (S, T, X, 2)."""
+    """Simulate sets of coordinates: shared (S, P), local (S, T, X, L)."""
     values = values_of(problem.model.parameters, shared)
     skews = np.stack([values[f"{a}.skew"] for a in problem.model.axes], axis=1)
     c = motor_coefficients(problem, skews)
+    if len(problem.local_spread) > 2:
+        c[..., 0] += (local[..., 2] * problem.local_spread[2])[:, :, None]
     return simulate(
         problem.model, values, c, problem.s, load_start(problem, values, c, local), problem.grids[0].h
     )
@@ -168,20 +177,20 @@ def residuals(problem: Problem, response: Response) -> FloatArray:
 
 
 def jacobian(problem: Problem, at: Point) -> tuple[Response, FloatArray, FloatArray]:
-    """Response at a point, residuals (N,), and their derivative (N, F + T·X·2), F free shared coordinates."""
+    """Response at a point, residuals (N,), and their derivative (N, F + T·X·L), F free shared coordinates."""
     free = np.flatnonzero(problem.free)
-    T, X, _ = at.local.shape
-    S = 1 + len(free) + 2 * X
+    T, X, L = at.local.shape
+    S = 1 + len(free) + L * X
     shared, local = np.tile(at.shared, (S, 1)), np.tile(at.local, (S, 1, 1, 1))
     for row, k in enumerate(free):
         shared[1 + row, k] += DIFFERENCE
-    for j in range(2 * X):
-        local[1 + len(free) + j, :, j // 2, j % 2] += DIFFERENCE
+    for j in range(L * X):
+        local[1 + len(free) + j, :, j // L, j % L] += DIFFERENCE
     response = respond(problem, shared, local)
     r = residuals(problem, response)
     slopes = (r[1:] - r[0]) / DIFFERENCE
     step_of = np.nonzero(np.stack([g.used for g in problem.grids]))[0]
-    own = np.zeros((len(step_of), T, 2 * X))
+    own = np.zeros((len(step_of), T, L * X))
     own[np.arange(len(step_of)), step_of] = slopes[len(free) :].T
     first = Response(response.acceleration[:1], response.force[:1], response.relative[:1])
     J = np.hstack((slopes[: len(free)].T, own.reshape(len(step_of), -1)))

@@ -68,7 +68,7 @@ def candidates(problem: Problem, guesses: dict[str, Guess], n: int, seed: int) -
             shared[:, k] = scattered(p, guess.skew, 1e-4, rng, n) * (rng.random(n) < 0.6)
         else:
             shared[:, k] = rng.normal(0.0, 0.7, n)
-    local = np.zeros((len(problem.grids), len(problem.model.axes), 2))
+    local = np.zeros(problem.local_shape)
     return [Point(row, local) for row in shared]
 
 

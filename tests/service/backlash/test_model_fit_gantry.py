@@ -1,0 +1,36 @@
+"""The joint fit of a gantry: against the truth of a shared capture, and with motors whose distance wanders."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from service.backlash.model_fit import model_fit_axes
+from service.captures import read_capture
+from service.recording import Recording
+
+WANDERED = 1.5e-6
+
+
+def wandering(recording: Recording, axis: str) -> Recording:
+    """The recording with a speed in every second rest that moves the integrated position by WANDERED [m]."""
+    speed = recording.traces[axis, "motor_speed"]
+    value = speed.value.copy()
+    for move in recording.moves[1::2]:
+        rest = (speed.time > move.start - 0.2) & (speed.time < move.start - 0.1)
+        value[rest] += WANDERED / 0.1 / recording.axis(axis).transmission
+    return replace(recording, traces={**recording.traces, (axis, "motor_speed"): replace(speed, value=value)})
+
+
+def test_wandering_distance_of_the_motors_is_no_backlash(shared_dir: Path) -> None:
+    path = shared_dir / "captures" / "declared-gantry-02.parquet"
+    truth = json.loads((shared_dir / "captures" / "declared-gantry-02-truth.json").read_text())["backlash_m"]
+    results = model_fit_axes(wandering(read_capture(path), "X1"), "X1")
+    for axis, result in results.items():
+        assert result.backlash is not None, result.detail
+        assert np.abs(result.backlash - truth[axis]) < max(1e-6, 0.02 * truth[axis])
+        assert result.interval_95 is not None
+        assert result.interval_95[1] - result.interval_95[0] < 4e-6
