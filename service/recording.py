@@ -74,13 +74,17 @@ class AxisDescription:
 
 @dataclass(frozen=True)
 class Move:
-    """One commanded diagnostic step: SL = length [m], j_lim = jerk [m/s³], times [s], direction ±1."""
+    """One commanded diagnostic step: SL = length [m], j_lim = jerk [m/s³], times [s], direction ±1.
+
+    ``position`` [m] is where the axis stood before it, along the rack; None where the recorder did not say.
+    """
 
     start: float
     direction: int
     length: float
     jerk: float
     duration: float
+    position: float | None = None
 
     @property
     def end(self) -> float:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from service.api.part_views import direction_view, place_view
 from service.api.schemas import (
     AlarmDetail,
     AlarmEventView,
     AlarmState,
     AlarmView,
     AxisView,
+    ByProductView,
     ProgressView,
     ResultView,
     RunDetail,
@@ -79,13 +81,20 @@ def step_view(step: StepResult) -> StepView:
         backlash_m=step.backlash,
         t1_s=step.t1,
         t2_s=step.t2,
+        position_m=step.position,
     )
 
 
 def result_view(value: ValueRecord) -> ResultView:
-    """Show one answer with its steps."""
-    steps = [step_view(step) for step in value.outcome.result.steps]
-    return ResultView(**dict(value_view(value)), steps=steps)
+    """Show one answer with its steps and what else it says."""
+    result = value.outcome.result
+    return ResultView(
+        **dict(value_view(value)),
+        steps=[step_view(step) for step in result.steps],
+        by_direction=[direction_view(part) for part in result.by_direction],
+        by_place=[place_view(part) for part in result.by_place],
+        by_products=[ByProductView(**vars(product)) for product in result.by_products],
+    )
 
 
 def alarm_view(alarm: AlarmRecord) -> AlarmView:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from service.backlash.admission import admit
+from service.backlash.meaning import at_each_place
 from service.backlash.model_fit import METHOD, model_fit_axes
 from service.backlash.paper import paper
 from service.backlash.results import AxisResult, Reason, Refusal
@@ -18,11 +19,16 @@ from service.recording import Recording
 
 def immediate(recording: Recording) -> tuple[AxisResult, ...]:
     """Backlash of every axis by the paper's method, in the order of the recording's description."""
-    return tuple(paper(recording, axis.name) for axis in recording.axes)
+    return at_each_place(recording, lambda part: tuple(paper(part, axis.name) for axis in part.axes))
 
 
 def refined(recording: Recording) -> tuple[AxisResult, ...]:
     """Backlash of every axis by the model fit, both axes of a gantry together; a value or a named refusal."""
+    return at_each_place(recording, _refined)
+
+
+def _refined(recording: Recording) -> tuple[AxisResult, ...]:
+    """The fits of one place."""
     refusals = {axis.name: admit(recording, axis.name) for axis in recording.axes}
     results: dict[str, AxisResult] = {}
     for axis in recording.axes:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from service.backlash.by_products import by_products
 from service.backlash.interval import half_width_95
 from service.backlash.model_fit_data import Measured, measure
 from service.backlash.model_fit_problem import OVERFLOWN, jacobian
@@ -207,7 +208,13 @@ def judged(recording: Recording, measured: Measured, staged: Staged, x: int) -> 
         )
         return refused(name, Reason.INTERVAL_TOO_WIDE, detail, results)
     return AxisResult(
-        name, "ok", METHOD, backlash=value, interval_95=(value - half, value + half), steps=results
+        name,
+        "ok",
+        METHOD,
+        backlash=value,
+        interval_95=(value - half, value + half),
+        steps=results,
+        by_products=by_products(best.problem.model, best.fit, x),
     )
 
 

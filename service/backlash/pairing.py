@@ -33,7 +33,7 @@ test_pairing."""
 def paired(recording: Recording, axis: str) -> Refusal | None:
     """Refuse the axis of a gantry whose accelerometer fits the partner's motor better than its own."""
     partner = recording.partner(axis)
-    if partner is None:
+    if partner is None or recording.trace(partner, "acceleration") is None:
         return None
     here, there = axis_signals(recording, axis), axis_signals(recording, partner)
     if here is None or there is None:

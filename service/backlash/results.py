@@ -52,7 +52,8 @@ class StepResult:
     """One step. ``backlash`` [m], ``t1`` and ``t2`` [s] on the recording's clock are None when refused.
 
     ``reason`` is None when the verdict is ok; ``detail`` says in a sentence what was seen, the likely
-    physical cause and what to do.
+    physical cause and what to do. ``position`` [m] is the middle of the step along the rack, None where the
+    recording does not say where the axis stood.
     """
 
     index: int
@@ -63,11 +64,51 @@ class StepResult:
     backlash: float | None = None
     t1: float | None = None
     t2: float | None = None
+    position: float | None = None
+
+
+@dataclass(frozen=True)
+class DirectionValue:
+    """Backlash [m] of the steps of one direction ±1 with its 95 % interval [m], and how many steps they are.
+
+    The gap is the same both ways; a difference says that something else moves the load.
+    """
+
+    direction: int
+    backlash: float
+    interval_95: tuple[float, float]
+    steps: int
+
+
+@dataclass(frozen=True)
+class PlaceValue:
+    """Backlash [m] at one ``position`` [m] along the rack with its 95 % interval [m]; or why there is none."""
+
+    position: float
+    verdict: Verdict
+    reason: Reason | None = None
+    detail: str | None = None
+    backlash: float | None = None
+    interval_95: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class ByProduct:
+    """Another parameter of the axis' model that the run determined: value and standard deviation in ``unit``."""
+
+    name: str
+    value: float
+    std: float
+    unit: str
 
 
 @dataclass(frozen=True)
 class AxisResult:
-    """One axis of one run: ``backlash`` [m] and its 95 % interval [m], None when refused."""
+    """One axis of one run: ``backlash`` [m] and its 95 % interval [m], None when refused.
+
+    ``by_direction`` and ``by_place`` say what parts of the run say by themselves, ``by_products`` what else the
+    method found; each is empty where there is nothing to say.
+    """
 
     axis: str
     verdict: Verdict
@@ -77,3 +118,6 @@ class AxisResult:
     backlash: float | None = None
     interval_95: tuple[float, float] | None = None
     steps: tuple[StepResult, ...] = field(default=())
+    by_direction: tuple[DirectionValue, ...] = field(default=())
+    by_place: tuple[PlaceValue, ...] = field(default=())
+    by_products: tuple[ByProduct, ...] = field(default=())

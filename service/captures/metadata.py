@@ -53,6 +53,7 @@ class MoveMetadata(_Object):
     length_m: Positive
     jerk_m_s3: Positive
     duration_s: Positive
+    position_m: Finite | None = Field(default=None, description="where the axis stood before it")
 
 
 class CaptureMetadata(_Object):
@@ -70,7 +71,7 @@ class CaptureMetadata(_Object):
         if len(set(names)) < len(names):
             raise ValueError(f"two axes have one name: {names}")
         for pair in self.gantry:
-            if pair[0] == pair[1] or not set(pair) <= set(names):
+            if pair[0] == pair[1] or not set(pair) & set(names):
                 raise ValueError(f"gantry {pair} is not a pair of the axes {names}")
         return self
 
@@ -131,7 +132,7 @@ def _axis(axis: AxisMetadata) -> AxisDescription:
 
 
 def _move(move: MoveMetadata) -> Move:
-    return Move(move.start_s, move.direction, move.length_m, move.jerk_m_s3, move.duration_s)
+    return Move(move.start_s, move.direction, move.length_m, move.jerk_m_s3, move.duration_s, move.position_m)
 
 
 def _unknown_keys(metadata: CaptureMetadata) -> dict[str, Any]:
@@ -172,13 +173,16 @@ def _axis_object(axis: AxisDescription) -> dict[str, Any]:
 
 
 def _move_object(move: Move) -> dict[str, Any]:
-    return {
-        "start_s": move.start,
-        "direction": move.direction,
-        "length_m": move.length,
-        "jerk_m_s3": move.jerk,
-        "duration_s": move.duration,
-    }
+    return _without_none(
+        {
+            "start_s": move.start,
+            "direction": move.direction,
+            "length_m": move.length,
+            "jerk_m_s3": move.jerk,
+            "duration_s": move.duration,
+            "position_m": move.position,
+        }
+    )
 
 
 def _utc_text(moment: datetime | None) -> str | None:

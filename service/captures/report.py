@@ -9,11 +9,11 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet
 
-from service.backlash.results import AxisResult, StepResult
+from service.backlash.results import AxisResult, DirectionValue, PlaceValue, StepResult
 
 
 def axis_result_to_json(result: AxisResult) -> dict[str, Any]:
-    """One axis of one run; a refused axis has null values and its reason."""
+    """One axis of one run; a refused axis has null values, its reason and what to do."""
     return {
         "axis": result.axis,
         "verdict": result.verdict,
@@ -22,6 +22,33 @@ def axis_result_to_json(result: AxisResult) -> dict[str, Any]:
         "interval_95_m": None if result.interval_95 is None else list(result.interval_95),
         "method": result.method,
         "steps": [step_result_to_json(step) for step in result.steps],
+        "detail": result.detail,
+        "by_direction": [direction_to_json(part) for part in result.by_direction],
+        "by_place": [place_to_json(part) for part in result.by_place],
+        "by_products": [
+            {"name": p.name, "value": p.value, "std": p.std, "unit": p.unit} for p in result.by_products
+        ],
+    }
+
+
+def direction_to_json(part: DirectionValue) -> dict[str, Any]:
+    """What the steps of one direction say by themselves."""
+    return {
+        "direction": part.direction,
+        "backlash_m": part.backlash,
+        "interval_95_m": list(part.interval_95),
+        "steps": part.steps,
+    }
+
+
+def place_to_json(part: PlaceValue) -> dict[str, Any]:
+    """One point of the map along the rack."""
+    return {
+        "position_m": part.position,
+        "verdict": part.verdict,
+        "reason": None if part.reason is None else part.reason.value,
+        "backlash_m": part.backlash,
+        "interval_95_m": None if part.interval_95 is None else list(part.interval_95),
     }
 
 
@@ -35,6 +62,7 @@ def step_result_to_json(step: StepResult) -> dict[str, Any]:
         "backlash_m": step.backlash,
         "t1_s": step.t1,
         "t2_s": step.t2,
+        "position_m": step.position,
     }
 
 

@@ -48,6 +48,11 @@ def _groups(validate: Recording) -> list[tuple[str, ...]]:
     if len(validate.axes) == 2 and not validate.gantry and validate.moves:
         return [(validate.axes[0].name, validate.axes[1].name)]
     paired = {name for pair in validate.gantry for name in pair}
+    lacking = paired - {axis.name for axis in validate.axes}
+    if lacking:
+        raise CannotExplain(
+            f"{', '.join(sorted(lacking))} moves a gantry with another axis and was not recorded; record both axes."
+        )
     return [*validate.gantry, *((a.name,) for a in validate.axes if a.name not in paired)]
 
 

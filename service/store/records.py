@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from service.backlash.results import AxisResult
+from service.backlash.results import AxisResult, ByProduct
 from service.monitoring.alarm import AlarmEvent, AlarmKind, AlarmState, Change
 from service.monitoring.trend import Trend
 
@@ -205,6 +205,15 @@ class ValueRecord:
     run_id: int
     measured_at: datetime
     outcome: AxisOutcome
+
+
+@dataclass(frozen=True)
+class ByProductRecord:
+    """A by-product of the value of one run."""
+
+    run_id: int
+    measured_at: datetime
+    product: ByProduct
 
 
 @dataclass(frozen=True)

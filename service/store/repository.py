@@ -11,7 +11,7 @@ import numpy as np
 from sqlalchemy import Select, func, or_, select, tuple_
 
 from service.monitoring.alarm import AlarmKind
-from service.store import journal, rows, statements, tables
+from service.store import journal, parts, rows, statements, tables
 from service.store.database import Database
 from service.store.errors import UnknownRecordError
 from service.store.models import ModelStore
@@ -34,12 +34,14 @@ T = TypeVar("T")
 
 
 class Repository:
-    """Axes, runs, values and alarms of one database; ``models`` holds what is known of the axes' models."""
+    """Axes, runs, values and alarms of one database; ``models`` holds what is known of the axes' models,
+    ``parts`` what was found beside the backlash."""
 
     def __init__(self, database: Database) -> None:
         """Work on an open database, which stays the caller's to close."""
         self._database = database
         self.models = ModelStore(database)
+        self.parts = parts.PartStore(database)
 
     # axes
 
@@ -172,7 +174,7 @@ class Repository:
         query = select(values).where(values.c.run_id == run_id).order_by(values.c.id)
         with self._database.reading() as connection:
             found = connection.execute(query).mappings().all()
-            return tuple(rows.value_of(row, statements.steps(connection, row["id"])) for row in found)
+            return tuple(parts.whole(connection, rows.value_of(row)) for row in found)
 
     def values(
         self,

@@ -7,7 +7,7 @@ from typing import Any
 
 from sqlalchemy import RowMapping
 
-from service.backlash.results import AxisResult, Reason, StepResult
+from service.backlash.results import AxisResult, PlaceValue, Reason, StepResult
 from service.monitoring.alarm import AlarmEvent, AlarmKind, AlarmState
 from service.monitoring.trend import Trend
 from service.store.model_records import ExplanationOrder, ExplanationRecord, RevisionRecord
@@ -161,6 +161,23 @@ def step_values(step: StepResult, value_id: int) -> Values:
         "backlash_m": step.backlash,
         "t1_s": step.t1,
         "t2_s": step.t2,
+        "position_m": step.position,
+    }
+
+
+def place_values(place: PlaceValue, value_id: int, index: int) -> Values:
+    """Write one point of the map along the rack."""
+    low, high = place.interval_95 or (None, None)
+    return {
+        "value_id": value_id,
+        "place_index": index,
+        "position_m": place.position,
+        "verdict": place.verdict,
+        "reason": place.reason,
+        "detail": place.detail,
+        "backlash_m": place.backlash,
+        "interval_low_m": low,
+        "interval_high_m": high,
     }
 
 
@@ -175,6 +192,7 @@ def step_of(row: RowMapping) -> StepResult:
         backlash=row["backlash_m"],
         t1=row["t1_s"],
         t2=row["t2_s"],
+        position=row["position_m"],
     )
 
 

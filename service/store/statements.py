@@ -8,6 +8,7 @@ from typing import Any
 
 from sqlalchemy import ColumnElement, Connection, Select, select
 
+from service.backlash.results import AxisResult
 from service.store import rows, tables
 from service.store.errors import StoreError
 from service.store.records import (
@@ -85,9 +86,17 @@ def add_outcomes(connection: Connection, run_id: int, at: datetime, outcomes: Se
             withdraw_report(connection, run_id, outcome)
         values = {"run_id": run_id, "measured_at_utc": at, **rows.outcome_values(outcome)}
         inserted = tables.backlash_values.insert().values(values).returning(tables.backlash_values.c.id)
-        value_id = connection.execute(inserted).scalar_one()
-        for step in outcome.result.steps:
-            connection.execute(tables.steps.insert().values(rows.step_values(step, value_id)))
+        add_parts(connection, connection.execute(inserted).scalar_one(), outcome.result)
+
+
+def add_parts(connection: Connection, value_id: int, result: AxisResult) -> None:
+    """Write the steps, the map and the by-products of a value that was just added."""
+    for step in result.steps:
+        connection.execute(tables.steps.insert().values(rows.step_values(step, value_id)))
+    for index, place in enumerate(result.by_place):
+        connection.execute(tables.places.insert().values(rows.place_values(place, value_id, index)))
+    for product in result.by_products:
+        connection.execute(tables.by_products.insert().values(value_id=value_id, **vars(product)))
 
 
 def withdraw_report(connection: Connection, run_id: int, outcome: AxisOutcome) -> None:

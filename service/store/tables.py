@@ -1,7 +1,8 @@
 """The tables. Column names carry units; a refused value can hold no number, by a check of the database
 itself.
 
-axes 1-n backlash_values n-1 runs; backlash_values 1-n steps; axes 1-n alarms 1-n alarm_events;
+axes 1-n backlash_values n-1 runs; backlash_values 1-n steps, places and by_products
+(whose unit stands beside); axes 1-n alarms 1-n alarm_events;
 axes 1-n model_revisions n-1 explanations n-1 runs. A value belongs to a *method* (methods stand beside each
 other, one per series is the *reported* one) and to a *series*: "declared" for the declared model, another name
 for a history restated with an accepted model revision. Rows of values and of alarm events are never changed.
@@ -203,6 +204,7 @@ steps = Table(
     Column("backlash_m", Float),
     Column("t1_s", Float),
     Column("t2_s", Float),
+    Column("position_m", Float),
     CheckConstraint(
         "(verdict = 'ok' AND backlash_m IS NOT NULL AND reason IS NULL)"
         " OR (verdict = 'refused' AND backlash_m IS NULL AND reason IS NOT NULL)",
@@ -210,6 +212,39 @@ steps = Table(
     ),
     CheckConstraint("direction IN (-1, 1)", name="direction"),
     UniqueConstraint("value_id", "step_index"),
+)
+
+places = Table(
+    "places",
+    metadata,
+    Column("id", Integer, primary_key=True),
+    Column("value_id", ForeignKey("backlash_values.id"), nullable=False),
+    Column("place_index", Integer, nullable=False),
+    Column("position_m", Float, nullable=False),
+    Column("verdict", String(16), nullable=False),
+    Column("reason", String(64)),
+    Column("detail", Text),
+    Column("backlash_m", Float),
+    Column("interval_low_m", Float),
+    Column("interval_high_m", Float),
+    CheckConstraint(
+        "(verdict = 'ok' AND backlash_m IS NOT NULL AND reason IS NULL)"
+        " OR (verdict = 'refused' AND backlash_m IS NULL AND reason IS NOT NULL)",
+        name="verdict",
+    ),
+    UniqueConstraint("value_id", "place_index"),
+)
+
+by_products = Table(
+    "by_products",
+    metadata,
+    Column("id", Integer, primary_key=True),
+    Column("value_id", ForeignKey("backlash_values.id"), nullable=False),
+    Column("name", String(64), nullable=False),
+    Column("value", Float, nullable=False),
+    Column("std", Float, nullable=False),
+    Column("unit", String(32), nullable=False),
+    UniqueConstraint("value_id", "name"),
 )
 
 alarms = Table(

@@ -6,9 +6,10 @@ from typing import Annotated
 
 from fastapi import APIRouter, Path, Query, Request, Response
 
+from service.api.part_views import by_product_history
 from service.api.problems import responses
 from service.api.replies import read_value_cursor, tagged, value_cursor
-from service.api.schemas import Axes, AxisView, HistoryPage
+from service.api.schemas import Axes, AxisView, ByProductHistory, HistoryPage
 from service.api.views import axis_view, value_view
 from service.store.records import AxisRecord
 from service.store.repository import Repository
@@ -40,6 +41,17 @@ def router(repository: Repository) -> APIRouter:
     def history(request: Request, name: AxisName, cursor: Cursor = None, limit: Limit = 100) -> Response:
         """Page through an axis' values, the newest first; refused runs are in it, with their reasons."""
         return tagged(request, _page(repository, repository.axis(name), cursor, limit))
+
+    @api.get(
+        "/{name}/by-products",
+        response_model=ByProductHistory,
+        responses=responses(404),
+        summary="Histories of an axis' stiffness, friction and skew",
+    )
+    def by_products(request: Request, name: AxisName, limit: Limit = 100) -> Response:
+        """List what the accepted runs found beside the backlash, one series per parameter."""
+        found = repository.parts.by_products(repository.axis(name).name, limit)
+        return tagged(request, by_product_history(found))
 
     return api
 

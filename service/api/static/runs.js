@@ -47,10 +47,34 @@ function resultParts(run, result) {
   if (!result.reported) return [el("p", { class: "soft" }, `Beside it, by method ${result.method}: ${text}`)];
   const parts = [el("h3", {}, `Axis ${result.axis}: ${text}`), el("p", { class: "soft" }, `method ${result.method}`)];
   if (result.detail) parts.push(el("p", { class: "soft" }, result.detail));
+  parts.push(...meaning(result));
   if (result.steps.length === 0) return parts;
   if (run.capture_sha256) parts.push(pictures(run, result));
   parts.push(el("div", { class: "scroll" }, stepTable(result)));
   return parts;
+}
+
+// What the value consists of: each direction, each place along the rack, and what else the fit found.
+function meaning(result) {
+  const ways = result.by_direction.map((part) =>
+    `${part.direction > 0 ? "forth" : "back"} ${um(part.backlash_m)} µm ${interval(part.backlash_m, part.interval_95_m)}`);
+  const parts = ways.length ? [el("p", { class: "soft" }, `By direction: ${ways.join(", ")}`)] : [];
+  if (result.by_place.length > 1) {
+    const place = (part) => [`${part.position_m.toFixed(3)} m`, part.backlash_m === null ? part.reason_in_words
+      : `${um(part.backlash_m)} µm ${interval(part.backlash_m, part.interval_95_m)}`];
+    parts.push(table("Along the rack", ["Position", "Backlash"], result.by_place.map(place)));
+  }
+  if (result.by_products.length) {
+    const row = (p) => [p.name.replaceAll("_", " "), `${p.value.toPrecision(3)} ± ${p.std.toPrecision(1)} ${p.unit}`];
+    parts.push(table("Found beside it", ["Parameter", "Value"], result.by_products.map(row)));
+  }
+  return parts;
+}
+
+function table(caption, heads, rows) {
+  return el("div", { class: "scroll" }, el("table", {}, el("caption", {}, caption),
+    el("thead", {}, el("tr", {}, ...heads.map((name) => el("th", { scope: "col" }, name)))),
+    el("tbody", {}, ...rows.map((cells) => el("tr", {}, ...cells.map((cell) => el("td", {}, cell)))))));
 }
 
 function stepTable(result) {

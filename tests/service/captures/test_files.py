@@ -235,7 +235,7 @@ CHANGED_METADATA: dict[str, tuple[Any, str]] = {
     "no jerk": (described(moves=[{k: v for k, v in MOVE.items() if k != "jerk_m_s3"}]), "moves.0.jerk_m_s3"),
     "moves on another clock": (described(moves=[{**MOVE, "start_s": 350.0}]), "outside the recording"),
     "moves before the recording": (described(moves=[{**MOVE, "start_s": -5.0}]), "outside the recording"),
-    "gantry with a stranger": (described(gantry=[["X1", "X9"]]), "gantry"),
+    "gantry with a stranger": (described(gantry=[["X8", "X9"]]), "gantry"),
     "gantry of three": (described(gantry=[["X1", "X1", "X1"]]), "gantry"),
     "no such day": (described(recorded_at="2026-02-30T00:00:00Z"), "recorded_at"),
 }

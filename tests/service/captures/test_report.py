@@ -28,8 +28,13 @@ def test_an_answer_has_exactly_the_published_keys() -> None:
                 "backlash_m": 5.7e-5,
                 "t1_s": 0.3951,
                 "t2_s": 0.4068,
+                "position_m": None,
             }
         ],
+        "detail": "a note",
+        "by_direction": [],
+        "by_place": [],
+        "by_products": [],
     }
 
 
@@ -45,4 +50,5 @@ def test_a_refused_axis_has_null_values_and_its_reason() -> None:
         "backlash_m": None,
         "t1_s": None,
         "t2_s": None,
+        "position_m": None,
     }

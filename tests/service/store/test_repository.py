@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import UTC, date, datetime, timedelta, timezone
 
 import pytest
 from sqlalchemy.exc import IntegrityError, StatementError
 
-from service.backlash.results import AxisResult, Reason, StepResult
+from service.backlash.results import AxisResult, ByProduct, PlaceValue, Reason, StepResult
 from service.monitoring.alarm import AlarmEvent, AlarmKind, Change
 from service.monitoring.trend import Trend
 from service.store.errors import AlreadyDecidedError, StoreError, UnknownRecordError
@@ -303,3 +304,21 @@ def test_what_is_not_there_is_said_so(repository: Repository, missing: str) -> N
     }[missing]
     with pytest.raises(UnknownRecordError, match=f"no {missing} '?[7Q]'?"):
         ask()
+
+
+def test_the_map_and_the_by_products_come_back_with_their_run(repository: Repository) -> None:
+    place = PlaceValue(0.5, "ok", backlash=57.1e-6, interval_95=(56.0e-6, 58.2e-6))
+    worn = PlaceValue(1.5, "refused", Reason.MISFIT, "something is loose there")
+    product = ByProduct("skew", 1e-4, 1e-6, "s")
+    result = replace(ACCEPTED, by_place=(place, worn), by_products=(product,))
+    run_id = finished(repository, NOON, [AxisOutcome(result)])
+    found = repository.outcomes(run_id)[0].outcome.result
+    assert (found.by_place, found.by_products) == ((place, worn), (product,))
+
+
+def test_a_by_product_has_a_history_of_accepted_values(repository: Repository) -> None:
+    for hour, skew in enumerate((1e-4, 2e-4)):
+        result = replace(ACCEPTED, by_products=(ByProduct("skew", skew, 1e-6, "s"),))
+        finished(repository, NOON + timedelta(hours=hour), [AxisOutcome(result)])
+    assert [record.product.value for record in repository.parts.by_products("X1")] == [2e-4, 1e-4]
+    assert repository.parts.by_products("X2") == ()
