@@ -17,7 +17,7 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from service.dynamics.driven import Response, simulate
-from service.dynamics.driven_model import LINKS, Model, Parameter
+from service.dynamics.driven_model import LINKS, Model, Parameter, Values
 from service.dynamics.driven_motion import StepGrid, coefficients
 from service.recording import FloatArray
 
@@ -139,9 +139,7 @@ def motor_coefficients(problem: Problem, skews: FloatArray) -> FloatArray:
     return out
 
 
-def load_start(
-    problem: Problem, values: dict[str, FloatArray], c: FloatArray, local: FloatArray
-) -> FloatArray:
+def load_start(problem: Problem, values: Values, c: FloatArray, local: FloatArray) -> FloatArray:
     """Load position and speed at the first grid point (S, T, X, 2), local coordinates (S, T, X, L) counted from
     where the driving flank holds the load at the motor's acceleration."""
     out = np.empty((*c.shape[:2], len(problem.model.axes), 2))
@@ -158,13 +156,14 @@ def load_start(
 
 def respond(problem: Problem, shared: FloatArray, local: FloatArray) -> Response:
     """Simulate sets of coordinates: shared (S, P), local (S, T, X, L)."""
-    values = values_of(problem.model.parameters, shared)
+    free = values_of(problem.model.parameters, shared)
+    values = problem.model.complete(free)
     skews = np.stack([values[f"{a}.skew"] for a in problem.model.axes], axis=1)
     c = motor_coefficients(problem, skews)
     if len(problem.local_spread) > 2:
         c[..., 0] += (local[..., 2] * problem.local_spread[2])[:, :, None]
     return simulate(
-        problem.model, values, c, problem.s, load_start(problem, values, c, local), problem.grids[0].h
+        problem.model, free, c, problem.s, load_start(problem, values, c, local), problem.grids[0].h
     )
 
 

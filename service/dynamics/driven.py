@@ -12,6 +12,7 @@ from math import factorial
 
 import numpy as np
 
+from service.dynamics.driven_effect import Case
 from service.dynamics.driven_model import LINKS, Model, Values, assemble, spring_damper
 from service.dynamics.driven_propagation import run
 from service.recording import FloatArray
@@ -74,30 +75,52 @@ def motor_force(model: Model, values: Values, states: FloatArray, motor: FloatAr
 
 
 def simulate(
-    model: Model, values: Values, c: FloatArray, s: FloatArray, load: FloatArray, h: float
+    model: Model,
+    values: Values,
+    c: FloatArray,
+    s: FloatArray,
+    load: FloatArray,
+    h: float,
+    nuisance: FloatArray | None = None,
+    start: FloatArray | None = None,
 ) -> Response:
     """Simulate all parameter sets and steps as lanes of one pass.
 
     Parameters
     ----------
-    values : (S,) each
+    values : (S,) of every free parameter of the model
     c : (S, T, K, X, 5) motor motion, see driven_motion.coefficients; already shifted by the skew
     s : (T,) directions
     load : (S, T, X, 2) load position [m] and speed [m/s] at the first grid point
     h : grid interval [s]
+    nuisance : (S, T, len(model.nuisance)) the effects' own coordinates of every step, in their units; 0 by default
+    start : (T,) time of the first grid point since the recording began [s]; only a drift asks for it
     """
-    for effect in model.effects:
-        c = effect.drive(c, model, values)
+    S, T = c.shape[:2]
+    case = Case(
+        model,
+        model.complete(values),
+        np.zeros((S, T, len(model.nuisance))) if nuisance is None else nuisance,
+        s,
+        np.zeros(T) if start is None else start,
+        h,
+    )
+    for effect, own, _ in model.cases(case):
+        c = effect.drive(c, own)
     motor = np.concatenate((c[..., :2], ends(c[:, :, -1:], h)), axis=2).swapaxes(2, 3)
-    system = assemble(model, values)
-    x0 = initial_states(model, values, motor[..., 0, :], load)
-    states = run(system, x0, c, np.stack((np.ones(len(s)), s), axis=1), h)
+    system = assemble(model, case)
+    x0 = initial_states(model, case.values, motor[..., 0, :], load)
+    for effect, own, room in model.cases(case):
+        effect.begin(x0, own, room)
+    followed = [effect.follow(c, own) for effect, own, _ in model.cases(case) if effect.motions]
+    moved = np.concatenate((c, *followed), axis=3) if followed else c
+    states = run(system, x0, moved, np.stack((np.ones(T), s), axis=1), h)
     speeds = states[..., [model.load(a) + 1 for a in range(len(model.axes))]]
     predicted = np.diff(speeds, axis=2).swapaxes(2, 3) / h
-    for effect in model.effects:
-        predicted = effect.measure(predicted, model, values)
+    for effect, own, _ in model.cases(case):
+        predicted = effect.measure(predicted, own)
     relative = np.stack([relative_position(model, states, motor, a) for a in range(len(model.axes))], axis=2)
-    return Response(predicted, motor_force(model, values, states, motor), relative)
+    return Response(predicted, motor_force(model, case.values, states, motor), relative)
 
 
 def ends(c: FloatArray, h: float) -> FloatArray:

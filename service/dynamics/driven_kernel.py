@@ -64,7 +64,9 @@ def rate_of(row, A, n, Q, X):
 
 @compiled
 def force_row(A, row, law, n, Q, X):
-    """k·δ + d·δ̇ of a flank as a linear form."""
+    """k·δ + d·δ̇ of a flank as a linear form; without a damper δ may be a form of speeds too."""
+    if law[1] == 0.0:
+        return law[0] * row
     return law[0] * row + law[1] * rate_of(row, A, n, Q, X)
 
 
@@ -181,19 +183,19 @@ def curve_value(of, place, table, z):
 
 
 @compiled
-def pressed(approach, rates, law, z):
+def pressed(approach, rates, z):
     """What is positive while a flank touches and pushes: the lesser of its approach and of its force over k."""
     delta = form(approach, z)
-    return min(delta, delta + law[1] / law[0] * form(rates, z))
+    return min(delta, delta + form(rates, z))
 
 
 @compiled
-def contact_modes(approach, rates, law, z, out):
+def contact_modes(approach, rates, z, out):
     """Contact states of all gaps into out."""
     for g in range(len(out)):
-        if pressed(approach[g, 1], rates[g, 1], law[g], z) > 0.0:
+        if pressed(approach[g, 1], rates[g, 1], z) > 0.0:
             out[g] = 2
-        elif pressed(approach[g, 0], rates[g, 0], law[g], z) > 0.0:
+        elif pressed(approach[g, 0], rates[g, 0], z) > 0.0:
             out[g] = 0
         else:
             out[g] = 1
@@ -307,14 +309,14 @@ def through_piece(A, B, approach, rates, push, law, z, modes, left, Q, X, order)
         N = rate_matrix(A, B, approach, push, law, modes, Q, X)
         D = series(N, z, n, Q, X, order)
         state_at(D, left, z)
-        contact_modes(approach, rates, law, z, end)
+        contact_modes(approach, rates, z, end)
         first, at = left, -1
         for g in range(len(modes)):
             if end[g] == modes[g]:
                 continue
             side = modes[g] // 2 if modes[g] != 1 else end[g] // 2
             delta = D @ approach[g, side]
-            force = delta + law[g, 1] / law[g, 0] * (D @ rates[g, side])
+            force = delta + D @ rates[g, side]
             touching = lesser(delta, force, 0.0) > 0.0
             t = crossing(delta, force, left) if touching == (modes[g] != 1) else 0.0
             if at < 0 or t < first:
@@ -400,7 +402,8 @@ def one_machine(machine, curves, motion, h, fastest, out):
     rates = np.zeros((G, 2, n + U))
     for g in range(G):
         for side in range(2):
-            rates[g, side] = rate_of(approach[g, side], A, n, Q, X)
+            if law[g, 1] != 0.0:
+                rates[g, side] = law[g, 1] / law[g, 0] * rate_of(approach[g, side], A, n, Q, X)
     whole, part = np.zeros((3**G, n, n + U)), np.zeros((3**G, n, n + U))
     known = np.zeros(3**G, dtype=np.bool_)
     pace = (dt, halvings, order)
@@ -411,7 +414,7 @@ def one_machine(machine, curves, motion, h, fastest, out):
         z[n : n + X * J] = c[t, 0]
         z[n + X * J : values] = constants[t]
         out[t, 0] = x0[t]
-        contact_modes(approach, rates, law, z, modes)
+        contact_modes(approach, rates, z, modes)
         for k in range(K):
             number = mode_number(modes)
             if not known[number]:
@@ -427,7 +430,7 @@ def one_machine(machine, curves, motion, h, fastest, out):
             for q in range(Q):
                 for i in range(n):
                     new[i] += whole[number, i, slopes + q] * z[slopes + q]
-            contact_modes(approach, rates, law, new, end)
+            contact_modes(approach, rates, new, end)
             if not same(modes, end):
                 new[:] = z
                 for _ in range(pieces):
@@ -436,7 +439,7 @@ def one_machine(machine, curves, motion, h, fastest, out):
                         learn(machine, modes, number, part, whole, pace, Q, X)
                         known[number] = True
                     carried(part[number], new, n, Q, X, dt, z)
-                    contact_modes(approach, rates, law, z, end)
+                    contact_modes(approach, rates, z, end)
                     if same(modes, end):
                         new[:] = z
                     else:

@@ -1,194 +1,147 @@
-"""Parameters and state space of axes that are driven by their measured motor motion, eqs. (2)-(7) and (9).
+"""State space of axes that are driven by their measured motor motion, eqs. (2)-(7) and (9).
 
-The motor is no state here: its motion is the input. Between it and the dead zone lie `lumps` masses (0 or 1;
-gearbox and pinion, eqs. (2)-(3)), behind it the carriage (4). Only the load's acceleration is compared with
-the measurement, so all forces are given per moved mass M, the unit of a stiffness being 1/s²; the torque, where
-recorded, says how heavy M is.
+The motor is no state here: its motion is the input. Between it and the dead zone lie `lumps` masses (0, 1 or 2;
+gearbox and pinion, eqs. (2)-(3)), behind it the carriage (4). A gantry is two such axes and a spring and damper
+between the carriages, f of eq. (9).
 
-A gantry is two such axes and a spring and damper between the carriages, f of eq. (9).
-
-Effects that the paper's model lacks are appended as a tuple: each declares its parameters and adds to the
-matrices, with states of its own if it needs any, or changes what the sensor says (`DrivenEffect`).
+Effects that the declared model lacks are appended as a tuple (``driven_effect``).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
-from service.dynamics.driven_propagation import CONSTANTS, LinearSystem
+from service.dynamics.driven_effect import Case, DrivenEffect, Room
+from service.dynamics.driven_friction import add_friction, speeds
+from service.dynamics.driven_parameters import (
+    AXIS_PARAMETERS,
+    BRIDGE_PARAMETERS,
+    LINK_PARAMETERS,
+    LINKS,
+    TURNOVER,
+    Parameter,
+    Structure,
+    Values,
+)
+from service.dynamics.driven_propagation import CONSTANTS, Guide, LinearSystem
 from service.recording import FloatArray
 
-Values = Mapping[str, FloatArray]
-"""Parameter name -> (S,) values, one per parameter set."""
+__all__ = ["LINKS", "DrivenEffect", "Model", "Parameter", "Values", "assemble", "spring_damper"]
 
 
 @dataclass(frozen=True)
-class Parameter:
-    """One parameter: its name, unit, prior and bounds.
+class Model(Structure):
+    """Which structure: `axes` names (1 or 2), `lumps` per axis, appended `effects`.
 
     Attributes
     ----------
-    logarithmic : the prior is normal in the logarithm, with `spread` as its standard deviation there;
-        else normal in the value, `spread` in the unit
-    typical : centre of the prior
+    friction : "moving": the axis moves in its step's direction all the time; "whole_move": from rest to rest
+    held : parameters of the axes that are no free numbers but stay at their typical value, e.g. ("constant", "skew")
+    bridge : whether two axes are a gantry, coupled by f of eq. (9)
     """
 
-    name: str
-    unit: str
-    typical: float
-    spread: float
-    logarithmic: bool = True
-
-    def internal(self, value: FloatArray | float) -> FloatArray:
-        """Value -> the fit's coordinate, whose prior is standard normal."""
-        if self.logarithmic:
-            return np.asarray(np.log(np.asarray(value) / self.typical) / self.spread)
-        return np.asarray((np.asarray(value) - self.typical) / self.spread)
-
-    def value(self, internal: FloatArray | float) -> FloatArray:
-        """The fit's coordinate -> value."""
-        moved = np.asarray(internal) * self.spread
-        return np.asarray(self.typical * np.exp(moved) if self.logarithmic else self.typical + moved)
-
-
-AXIS_PARAMETERS = (
-    Parameter("backlash", "m", 5e-5, 1.5),
-    Parameter("contact_stiffness", "1/s²", 4e5, 1.2),
-    Parameter("contact_damping_ratio", "1", 0.06, 0.8),
-    Parameter("coulomb", "m/s²", 0.3, 1.0),
-    Parameter("viscous", "1/s", 1.0, 1.0),
-    Parameter("constant", "m/s²", 0.0, 0.3, logarithmic=False),
-    Parameter("skew", "s", 0.0, 1e-3, logarithmic=False),
-)
-"""Of each axis. Contact: k_p/M and d_p/(2·√(k_p·M)), in series with the drive where there are no lumps. Coulomb and
-viscous friction of the guide and a constant force per M. Skew: by how much the speed's clock is ahead of the
-sensor's. The priors are those of machine axes of 50 to 5,000 kg with contacts of 30 to 300 Hz and the few
-percent of damping that steel joints have: they keep a fit sane, data decide."""
-
-LINKS: Mapping[int, tuple[str, ...]] = {0: (), 1: ("drive",), 2: ("gear", "pinion")}
-"""Between motor and dead zone, by number of lumps: each link is a spring and damper and the mass behind it."""
-
-LINK_PARAMETERS: Mapping[str, tuple[Parameter, ...]] = {
-    "drive": (
-        Parameter("drive_stiffness", "1/s²", 8e5, 1.0),
-        Parameter("drive_damping_ratio", "1", 0.03, 1.0),
-        Parameter("drive_mass", "1", 0.08, 1.0),
-    ),
-    "gear": (
-        Parameter("gear_stiffness", "1/s²", 1e6, 1.0),
-        Parameter("gear_damping_ratio", "1", 0.03, 1.0),
-        Parameter("gear_mass", "1", 0.06, 1.0),
-    ),
-    "pinion": (
-        Parameter("pinion_stiffness", "1/s²", 1e6, 1.0),
-        Parameter("pinion_damping_ratio", "1", 0.03, 1.0),
-        Parameter("pinion_mass", "1", 0.03, 1.0),
-    ),
-}
-"""Stiffness and mass per M; damping as a share of 2·√(stiffness·mass of the load), comparable with the contact's."""
-
-BRIDGE_PARAMETERS = (
-    Parameter("bridge_stiffness", "1/s²", 4e4, 1.2),
-    Parameter("bridge_damping", "1/s", 20.0, 1.5),
-    Parameter("bridge_offset", "m", 0.0, 1e-4, logarithmic=False),
-    Parameter("mass_ratio", "1", 1.0, 0.3),
-)
-"""Of a gantry: per mass of the first axis; M2/M1; the distance of the two motors' positions at which the bridge
-pulls on neither carriage, with both pinions in the middle of their gaps."""
-
-
-@dataclass(frozen=True)
-class Model:
-    """Which structure: `axes` names (1 or 2, two are a gantry), `lumps` per axis, appended `effects`."""
-
-    axes: tuple[str, ...]
-    lumps: int = 0
     effects: tuple[DrivenEffect, ...] = ()
+    friction: Literal["moving", "whole_move"] = "moving"
+    held: tuple[str, ...] = ()
+    bridge: bool = True
+
+    @property
+    def of_axis(self) -> tuple[Parameter, ...]:
+        """Parameters of each axis, the held ones too."""
+        turnover = (TURNOVER,) if self.friction == "whole_move" else ()
+        return (
+            AXIS_PARAMETERS + turnover + tuple(p for link in LINKS[self.lumps] for p in LINK_PARAMETERS[link])
+        )
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """All shared parameters; an axis' carry its name in front, `X1.backlash`."""
-        own = AXIS_PARAMETERS + tuple(p for link in LINKS[self.lumps] for p in LINK_PARAMETERS[link])
-        named = [
-            Parameter(f"{a}.{p.name}", p.unit, p.typical, p.spread, p.logarithmic)
-            for a in self.axes
-            for p in own
-        ]
-        bridge = BRIDGE_PARAMETERS if len(self.axes) == 2 else ()
+        """All free shared parameters; an axis' carry its name in front, `X1.backlash`."""
+        named = [p.of(a) for a in self.axes for p in self.of_axis if p.name not in self.held]
+        bridge = BRIDGE_PARAMETERS if len(self.axes) == 2 and self.bridge else ()
         return (*named, *bridge, *(p for effect in self.effects for p in effect.parameters))
 
     @property
-    def states_per_axis(self) -> int:
-        """Position and speed of each lump and of the load."""
-        return 2 * (self.lumps + 1)
+    def nuisance(self) -> tuple[Parameter, ...]:
+        """Coordinates of every step that the effects add to the load's own position and speed."""
+        return tuple(p for effect in self.effects for p in effect.nuisance)
 
     @property
     def n(self) -> int:
         """States of the whole system."""
         return self.states_per_axis * len(self.axes) + sum(effect.states for effect in self.effects)
 
-    def load(self, axis: int) -> int:
-        """Index of the load's position; its speed follows."""
-        return axis * self.states_per_axis + 2 * self.lumps
+    def complete(self, values: Values) -> Values:
+        """The values of the free parameters, the held ones, and what effects make of both."""
+        S = len(next(iter(values.values())))
+        held = {p.of(a).name: p.typical for a in self.axes for p in self.of_axis if p.name in self.held}
+        whole: Mapping[str, FloatArray] = {name: np.full(S, x) for name, x in held.items()} | dict(values)
+        for effect in self.effects:
+            whole = effect.restate(whole)
+        return whole
 
-    def pinion(self, axis: int) -> int | None:
-        """Index of the position of what touches the rack; None: it is the motor itself."""
-        return axis * self.states_per_axis + 2 * (self.lumps - 1) if self.lumps else None
+    def cases(self, whole: Case) -> Iterator[tuple[DrivenEffect, Case, Room]]:
+        """Every effect with the case as it sees it and where its own part of the system begins."""
+        room, first = Room(self.states_per_axis * len(self.axes), self.first_free_gap, len(self.axes)), 0
+        for effect in self.effects:
+            end = first + len(effect.nuisance)
+            yield effect, replace(whole, nuisance=whole.nuisance[..., first:end]), room
+            room = Room(room.state + effect.states, room.gap + effect.gaps, room.motion + effect.motions)
+            first = end
 
-
-class DrivenEffect:
-    """One effect that the paper's model lacks; what it does not override leaves the model as it is.
-
-    Attributes
-    ----------
-    parameters : its own, with unit and prior
-    states : how many states it adds, positions each followed by its speed; they start at zero
-    gaps, curves : how many gaps and tabulated forces it adds
-    """
-
-    parameters: tuple[Parameter, ...] = ()
-    states: int = 0
-    gaps: int = 0
-    curves: int = 0
-
-    def drive(self, c: FloatArray, model: Model, values: Values) -> FloatArray:
-        """Called first: what moves the chain, from the motors' measured motion, both (S, T, K, X, J)."""
-        return c
-
-    def assemble(self, system: LinearSystem, model: Model, values: Values, room: Room) -> None:
-        """Called once per simulation, after the declared model is in: add to the matrices in place."""
-
-    def measure(self, predicted: FloatArray, model: Model, values: Values) -> FloatArray:
-        """Called last: what the sensors make of the accelerations (S, T, X, K)."""
-        return predicted
+    @property
+    def first_free_gap(self) -> int:
+        """Gaps of the declared model: one per axis, and one for the corners of its friction."""
+        return len(self.axes) * (2 if self.friction == "whole_move" else 1)
 
 
-@dataclass(frozen=True)
-class Room:
-    """Where an effect's own states and gaps begin."""
-
-    state: int
-    gap: int
-
-
-def assemble(model: Model, values: Values) -> LinearSystem:
+def assemble(model: Model, case: Case) -> LinearSystem:
     """Matrices of every parameter set; shapes in driven_propagation."""
-    S, X = len(next(iter(values.values()))), len(model.axes)
-    gaps = X + sum(effect.gaps for effect in model.effects)
-    curves = sum(effect.curves for effect in model.effects)
-    system = LinearSystem.empty(S, model.n, X, gaps, CONSTANTS, curves)
+    values, X = case.values, len(model.axes)
+    S = len(next(iter(values.values())))
+    curved = any(effect.bends_friction for effect in model.effects)
+    system = LinearSystem.empty(
+        S,
+        model.n,
+        X + sum(effect.motions for effect in model.effects),
+        model.first_free_gap + sum(effect.gaps for effect in model.effects),
+        CONSTANTS,
+        X if curved else 0,
+    )
     for axis in range(X):
         add_axis(system, model, values, axis)
-    if X == 2:
+        system.guides.append(guide_of(system, model, values, axis))
+    if X == 2 and model.bridge:
         add_bridge(system, model, values)
-    room = Room(model.states_per_axis * X, X)
-    for effect in model.effects:
-        effect.assemble(system, model, values, room)
-        room = Room(room.state + effect.states, room.gap + effect.gaps)
+    for effect, own, room in model.cases(case):
+        effect.carry(system, own, room)
+    for effect, own, room in model.cases(case):
+        effect.assemble(system, own, room)
+    for axis, guide in enumerate(system.guides):
+        add_friction(system, guide, X + axis, curved)
     return system
+
+
+def guide_of(system: LinearSystem, model: Model, values: Values, axis: int) -> Guide:
+    """The declared friction of an axis' guide, which stands on the ground."""
+    name, speed = model.axes[axis], model.load(axis) + 1
+    S, n, U = system.B.shape
+    slip, onto = np.zeros(n + U), np.zeros((S, n))
+    slip[speed], onto[:, speed] = 1.0, 1.0
+    level = values[f"{name}.coulomb"]
+    turnover = values[f"{name}.turnover_speed"] if model.friction == "whole_move" else None
+    return Guide(
+        slip,
+        onto,
+        level.copy(),
+        level.copy(),
+        values[f"{name}.viscous"].copy(),
+        turnover,
+        np.zeros((S, len(speeds()))),
+    )
 
 
 def spring_damper(values: Values, axis: str, link: str) -> tuple[FloatArray, FloatArray]:
@@ -198,7 +151,7 @@ def spring_damper(values: Values, axis: str, link: str) -> tuple[FloatArray, Flo
 
 
 def add_axis(system: LinearSystem, model: Model, values: Values, axis: int) -> None:
-    """Chain, contact and friction of one axis, eqs. (2)-(7)."""
+    """Chain and contact of one axis, eqs. (2)-(7), and a constant force."""
     name, load, pinion = model.axes[axis], model.load(axis), model.pinion(axis)
     first = axis * model.states_per_axis
     for at in range(first, first + model.states_per_axis, 2):
@@ -207,9 +160,7 @@ def add_axis(system: LinearSystem, model: Model, values: Values, axis: int) -> N
     masses = [values[f"{name}.{link}_mass"] for link in links]
     for body, link in enumerate(links):
         join(system, (body, axis, first), masses, spring_damper(values, name, link))
-    system.A[:, load + 1, load + 1] -= values[f"{name}.viscous"]
     system.B[:, load + 1, system.constant(0)] += values[f"{name}.constant"]
-    system.B[:, load + 1, system.constant(1)] -= values[f"{name}.coulomb"]
     system.k[:, axis], system.d[:, axis] = spring_damper(values, name, "contact")
     for side, sign in ((0, -1.0), (1, 1.0)):
         approach, push = system.approach[:, axis, side], system.push[:, axis, side]

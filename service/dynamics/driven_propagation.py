@@ -10,7 +10,8 @@ form of states and inputs, is positive.
 
 Shapes
 ------
-S : parameter sets, T : steps, K : grid intervals of length h, n : states, X : axes, G : gaps with two flanks each,
+S : parameter sets, T : steps, K : grid intervals of length h, n : states, X : input motions, the motors' first,
+G : gaps with two flanks each,
 J = 5 : derivatives of x_mot in one interval, x_mot(t) = Σ c_j t^j / j!,
 C : step constants (1, direction s, then what effects add), Q : forces given as curves,
 U = X·J + C + 2·Q inputs: the motors' c_j, the constants, the curves' values, the curves' rates.
@@ -18,7 +19,7 @@ U = X·J + C + 2·Q inputs: the motors' c_j, the constants, the curves' values, 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -52,42 +53,67 @@ class Curve:
 
 
 @dataclass
+class Guide:
+    """Friction of one axis' guide per moved mass; effects add to it in place.
+
+    Attributes
+    ----------
+    slip : (n + U,) the sliding speed as a linear form
+    onto : (S, n) what a unit of force on the carriage adds to the states' rates
+    forward, backward : (S,) Coulomb level in positive and in negative travel [m/s²]
+    viscous : (S,) [1/s]
+    turnover : (S,) speed at which the Coulomb level is reached [m/s]; None: the axis is always moving
+    table : (S, P) further friction [m/s²], against positive travel, at driven_friction.speeds()
+    """
+
+    slip: FloatArray
+    onto: FloatArray
+    forward: FloatArray
+    backward: FloatArray
+    viscous: FloatArray
+    turnover: FloatArray | None
+    table: FloatArray
+
+
+@dataclass
 class LinearSystem:
     """One machine per parameter set; effects add to the arrays in place.
 
     Attributes
     ----------
+    motions : X
     A : (S, n, n) without contact
     B : (S, n, U) on the inputs
     approach : (S, G, 2, n + U) how far the lower and the upper flank of each gap are pressed together [m]; a form
-        of positions only
+        of positions only, or of anything if the flank has no damper
     push : (S, G, 2, n) what a unit of the flank's force adds to the states' rates
     k, d : (S, G) contact stiffness [1/s²] and damping [1/s]
     curves : forces given as tables
+    guides : friction of each axis, put into the matrices last
     """
 
-    axes: int
+    motions: int
     A: FloatArray
     B: FloatArray
     approach: FloatArray
     push: FloatArray
     k: FloatArray
     d: FloatArray
-    curves: list[Curve]
+    curves: list[Curve] = field(default_factory=list)
+    guides: list[Guide] = field(default_factory=list)
 
     @classmethod
-    def empty(cls, sets: int, n: int, axes: int, gaps: int, constants: int, curves: int) -> LinearSystem:
+    def empty(cls, sets: int, n: int, motions: int, gaps: int, constants: int, curves: int) -> LinearSystem:
         """A system in which nothing acts."""
-        U = axes * J + constants + 2 * curves
+        U = motions * J + constants + 2 * curves
         return cls(
-            axes,
+            motions,
             np.zeros((sets, n, n)),
             np.zeros((sets, n, U)),
             np.zeros((sets, gaps, 2, n + U)),
             np.zeros((sets, gaps, 2, n)),
             np.zeros((sets, gaps)),
             np.zeros((sets, gaps)),
-            [],
         )
 
     @property
@@ -96,12 +122,12 @@ class LinearSystem:
         return int(self.A.shape[1])
 
     def motor(self, axis: int, derivative: int = 0) -> int:
-        """Column of B (and, behind the states, of a linear form) of a motor's position, speed, …"""
+        """Column of B (and, behind the states, of a linear form) of a motor's (or other input's) position, speed, …"""
         return axis * J + derivative
 
     def constant(self, which: int = 0) -> int:
         """Column of B of a step constant: 0 is 1, 1 is the direction s."""
-        return self.axes * J + which
+        return self.motions * J + which
 
 
 def fastest(system: LinearSystem) -> FloatArray:

@@ -1,0 +1,137 @@
+"""What an effect on the driven model is: a small class that declares its parameters and adds what the model lacks.
+
+Simulating calls an effect's hooks in this order: `restate`, `drive`, `follow`, `carry`, `assemble`, `begin`,
+`measure`. What an effect does not override leaves the model as it is. With all its amounts at 0 an effect is absent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+from service.dynamics.driven_parameters import Parameter, Structure, Values
+from service.dynamics.driven_propagation import LinearSystem
+from service.recording import FloatArray
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is simulated, as one effect sees it; S parameter sets, T steps.
+
+    Attributes
+    ----------
+    model : where the states lie
+    values : (S,) each
+    nuisance : (S, T, len(effect.nuisance)) the effect's own coordinates of every step, in their units
+    s : (T,) directions
+    start : (T,) time of the first grid point [s] since the recording began
+    h : grid interval [s]
+    """
+
+    model: Structure
+    values: Values
+    nuisance: FloatArray
+    s: FloatArray
+    start: FloatArray
+    h: float
+
+
+@dataclass(frozen=True)
+class Room:
+    """Where an effect's own states, gaps and input motions begin."""
+
+    state: int
+    gap: int
+    motion: int
+
+
+@dataclass(frozen=True)
+class DrivenEffect:
+    """One effect that the declared model lacks, on the `axes` that it is tried on.
+
+    Attributes
+    ----------
+    name : identifier in the library
+    means : what it is, in a technician's words
+    own, shared : parameters of each axis, and of all axes together. Amounts (with a `dose`) are linear, 0 means that
+        the effect is absent; the others shape it
+    own_nuisance, shared_nuisance : the same for what is found anew in every step; 0 is its likeliest value
+    shapes : where a score is taken and a fit started: values of `own` and `shared` by name, others at typical
+    states : how many states it adds, positions each followed by its speed; they start at zero
+    gaps : how many gaps it adds; motions : how many input motions
+    bends_friction : it adds to a guide's tabulated friction
+    """
+
+    axes: tuple[str, ...]
+
+    name: ClassVar[str]
+    means: ClassVar[str]
+    own: ClassVar[tuple[Parameter, ...]] = ()
+    shared: ClassVar[tuple[Parameter, ...]] = ()
+    own_nuisance: ClassVar[tuple[Parameter, ...]] = ()
+    shared_nuisance: ClassVar[tuple[Parameter, ...]] = ()
+    shapes: ClassVar[tuple[Mapping[str, float], ...]] = ({},)
+    bends_friction: ClassVar[bool] = False
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """All its parameters; an axis' carry its name in front, `X1.gain_error`."""
+        return (*(p.of(axis) for axis in self.axes for p in self.own), *self.shared)
+
+    @property
+    def nuisance(self) -> tuple[Parameter, ...]:
+        """Its coordinates of every step: an axis' own first."""
+        return (*(p.of(axis) for axis in self.axes for p in self.own_nuisance), *self.shared_nuisance)
+
+    @property
+    def starts(self) -> tuple[Mapping[str, float], ...]:
+        """Values by full name at which a score is taken and a fit started; amounts are 0 there."""
+        return tuple(
+            {
+                p.name: shape.get(p.name.rpartition(".")[2], 0.0 if p.dose else p.typical)
+                for p in self.parameters
+            }
+            for shape in self.shapes
+        )
+
+    @property
+    def states(self) -> int:
+        return 0
+
+    @property
+    def gaps(self) -> int:
+        return 0
+
+    @property
+    def motions(self) -> int:
+        return 0
+
+    def restate(self, values: Values) -> Values:
+        """The declared model's parameters as the effect makes them; also called before the skew is looked up."""
+        return values
+
+    def drive(self, c: FloatArray, case: Case) -> FloatArray:
+        """What moves the chain, from the motors' measured motion, both (S, T, K, X, J)."""
+        return c
+
+    def follow(self, c: FloatArray, case: Case) -> FloatArray:
+        """Its own input motions (S, T, K, motions, J) from those of the motors (S, T, K, X, J)."""
+        return c[:, :, :, :0]
+
+    def carry(self, system: LinearSystem, case: Case, room: Room) -> None:
+        """Add bodies that carry racks and guides: called before any effect's `assemble`."""
+
+    def assemble(self, system: LinearSystem, case: Case, room: Room) -> None:
+        """Add to the matrices and to the guides' friction in place."""
+
+    def begin(self, x0: FloatArray, case: Case, room: Room) -> None:
+        """Set its own states at the first grid point and move the others with them: x0 (S, T, n), in place."""
+
+    def measure(self, predicted: FloatArray, case: Case) -> FloatArray:
+        """What the sensors make of the accelerations (S, T, X, K)."""
+        return predicted
+
+    def each(self, model: Structure) -> list[tuple[int, str, int]]:
+        """Its axes: place among the effect's axes, name, place among the model's."""
+        return [(k, axis, model.axes.index(axis)) for k, axis in enumerate(self.axes)]
