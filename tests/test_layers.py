@@ -34,6 +34,7 @@ ALLOWED: dict[str, set[str]] = {
         "service.backlash", "service.monitoring",
     },
     "service.analyze": {"service.backlash", "service.captures"},
+    "service.planning": {"service.backlash", "service.config"},
     "service.remote": set(),
     "service.demo": {
         "drivers.sim", "drivers", "service.app", "service.dynamics", "service.config", "service.runs",

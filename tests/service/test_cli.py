@@ -78,7 +78,7 @@ def test_a_sound_capture_gives_a_value_near_its_truth(sound: Recording, tmp_path
     assert axis["interval_95_m"][0] < axis["backlash_m"] < axis["interval_95_m"][1]
     assert [step["index"] for step in axis["steps"]] == list(range(10))
     assert set(axis["steps"][0]) == {
-        "index", "direction", "verdict", "reason", "backlash_m", "t1_s", "t2_s",
+        "index", "direction", "verdict", "reason", "backlash_m", "t1_s", "t2_s", "position_m",
     }  # fmt: skip
 
 
@@ -179,3 +179,27 @@ def test_explain_does_not_judge_on_what_it_fitted(shared_dir: Path) -> None:
     result = call("explain", "--train", path, "--validate", path)
     assert result.exit_code == 1
     assert "same recording" in result.stderr
+
+
+def test_plan_proposes_a_step_for_an_axis_of_the_configuration() -> None:
+    config = Path(__file__).parents[2] / "deploy" / "flankwatch.toml"
+    result = CliRunner().invoke(app, ["plan", "Y", "--config", str(config), "--json"])
+    found = json.loads(result.stdout)
+    assert (result.exit_code, found["verdict"]) == (0, "ok")
+    assert found["expected_backlash_m"] == pytest.approx(45e-6)
+    assert found["a_max_m_s2"] < 10.0
+    assert found["expected_interval_95_m"][0] < 45e-6 < found["expected_interval_95_m"][1]
+
+
+def test_plan_names_the_limit_that_is_in_the_way() -> None:
+    result = CliRunner().invoke(
+        app, ["plan", "--v-lim", "1", "--a-lim", "0.05", "--travel-mm", "10", "--json"]
+    )
+    assert result.exit_code == 1
+    assert json.loads(result.stdout)["limit"] == "acceleration"
+
+
+def test_plan_without_limits_says_what_it_needs() -> None:
+    result = CliRunner().invoke(app, ["plan", "--v-lim", "1"])
+    assert result.exit_code == 2
+    assert "--a-lim" in result.stderr
