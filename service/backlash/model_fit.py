@@ -17,7 +17,14 @@ from service.backlash.by_products import by_products
 from service.backlash.interval import half_width_95
 from service.backlash.model_fit_data import Measured, measure
 from service.backlash.model_fit_problem import OVERFLOWN, jacobian
-from service.backlash.model_fit_stages import Effort, Outcome, Staged, backlashes, staged_fit
+from service.backlash.model_fit_stages import (
+    Effort,
+    Outcome,
+    Staged,
+    backlashes,
+    staged_fit,
+    with_heavier_chain,
+)
 from service.backlash.model_fit_start import Guess, closed_form
 from service.backlash.results import AxisResult, Reason, StepResult
 from service.dynamics.driven_model import Model
@@ -28,7 +35,7 @@ METHOD = "model_fit"
 MIN_STEPS = 4
 
 SINGLE = Effort()
-GANTRY = Effort(candidates=500, starts=3, rounds=(10, 5, 5), refine=(5, 4, 4))
+GANTRY = Effort(candidates=1500, starts=3, tried=12, rounds=(8, 5, 5), refine=(6, 5, 5))
 
 MISFIT_LIMIT = 9.0
 """Refused where the residual is more than three times the noise and more than UNEXPLAINED of the acceleration."""
@@ -37,6 +44,10 @@ UNEXPLAINED = 0.03
 
 POOR = 3.0
 """Misfit of a single axis from which on a local minimum is suspected and the search is done once more."""
+
+
+POOR_GANTRY = 1.5
+"""The same of a gantry, whose minima are many and near each other."""
 
 
 @dataclass(frozen=True)
@@ -88,15 +99,28 @@ def model_fit_axes(recording: Recording, axis: str) -> dict[str, AxisResult]:
 
 
 def best_of_attempts(measured: Measured, axes: tuple[str, ...], guesses: dict[str, Guess]) -> Staged:
-    """A staged fit, and a second one from other random machines where the first found no good minimum."""
-    model, effort, poor = (
-        (Model(axes, 2), SINGLE, POOR) if len(axes) == 1 else (Model(axes, 1), GANTRY, MISFIT_LIMIT)
-    )
-    first = staged_fit(measured, model, guesses, effort)
+    """A staged fit, and another one from other random machines where it found no good minimum."""
+    if len(axes) == 1:
+        attempt, effort, poor = single_axis, SINGLE, POOR
+    else:
+        attempt, effort, poor = gantry, GANTRY, POOR_GANTRY
+    first = attempt(measured, axes, guesses, effort)
     if first.best.fit.misfit < poor:
         return first
-    second = staged_fit(measured, model, guesses, replace(effort, seed=2, candidates=2 * effort.candidates))
-    return min(first, second, key=lambda staged: staged.best.fit.cost)
+    again = replace(effort, seed=2, candidates=(2 if len(axes) == 1 else 1) * effort.candidates)
+    return min(first, attempt(measured, axes, guesses, again), key=lambda staged: staged.best.fit.cost)
+
+
+def single_axis(
+    measured: Measured, axes: tuple[str, ...], guesses: dict[str, Guess], effort: Effort
+) -> Staged:
+    """One search and fit of a single axis, gear and pinion as masses."""
+    return staged_fit(measured, Model(axes, 2), guesses, effort)
+
+
+def gantry(measured: Measured, axes: tuple[str, ...], guesses: dict[str, Guess], effort: Effort) -> Staged:
+    """One search and fit of both axes: one mass per drive, which has fewer minima, then gear and pinion."""
+    return with_heavier_chain(measured, staged_fit(measured, Model(axes, 1), guesses, effort), effort)
 
 
 def unfit_for_use(recording: Recording, axis: str, axes: tuple[str, ...]) -> AxisResult | None:

@@ -1,6 +1,7 @@
 """The stages of the fit: starts on a few steps, all steps, then the motor's motion between its samples.
 
-Rounds and numbers of starts are chosen so that a single axis takes some 3 s and a gantry some 20 s on one core.
+Rounds and numbers of starts are chosen so that a single axis takes some 2 s and a gantry some 5 s on one core,
+three times that where one search does not do.
 """
 
 from __future__ import annotations
@@ -35,11 +36,13 @@ GOOD = 1.15
 
 @dataclass(frozen=True)
 class Effort:
-    """candidates : random machines; starts : those fitted; rounds, refine : of each pass, few and all steps; seed of
-    the random machines."""
+    """candidates : random machines; tried : those fitted for `brief` rounds, of which the best `starts` go on;
+    rounds, refine : of each pass, few and all steps; seed of the random machines."""
 
     candidates: int = 160
     starts: int = 3
+    tried: int = 0
+    brief: int = 6
     rounds: tuple[int, ...] = (7, 5, 5)
     refine: tuple[int, ...] = (6, 5, 5)
     seed: int = 1
@@ -87,7 +90,10 @@ def from_starts(
 ) -> list[Outcome]:
     """Passes on a few steps from each of the best random machines; the best of each, best first."""
     few = problem.first_steps(SEARCH_STEPS)
-    points = best_starts(problem, candidates(problem, guesses, effort.candidates, effort.seed), effort.starts)
+    drawn = candidates(problem, guesses, effort.candidates, effort.seed)
+    points = best_starts(problem, drawn, max(effort.starts, effort.tried))
+    if effort.tried > effort.starts:
+        points = most_promising(few, points, effort)
     if problem.model.lumps == 2:
         points.insert(1, from_lighter_chain(measured, problem, guesses, effort))
     ends: list[Outcome] = []
@@ -99,6 +105,12 @@ def from_starts(
     return sorted(ends, key=lambda o: o.fit.cost)
 
 
+def most_promising(few: Problem, points: list[Point], effort: Effort) -> list[Point]:
+    """The ends of brief fits from many points on a few steps, the lowest cost first, as many as go on."""
+    fits = [fit(few, Point(p.shared, p.local[:SEARCH_STEPS]), effort.brief, 1.0) for p in points]
+    return [f.point for f in sorted(fits, key=lambda f: f.cost)[: effort.starts]]
+
+
 def from_lighter_chain(
     measured: Measured, problem: Problem, guesses: dict[str, Guess], effort: Effort
 ) -> Point:
@@ -107,12 +119,16 @@ def from_lighter_chain(
     few = light.first_steps(SEARCH_STEPS)
     points = best_starts(light, candidates(light, guesses, effort.candidates, effort.seed), 2)
     fits = [fit(few, Point(p.shared, p.local[:SEARCH_STEPS]), effort.rounds[0], 1.0) for p in points]
-    best = min(fits, key=lambda f: f.cost)
-    values = {p.name: best.value(light.model, p.name) for p in light.model.parameters}
-    for axis in light.model.axes:
-        values |= split_drive(values, axis)
-    shared = np.array([float(p.internal(values[p.name])) for p in problem.model.parameters])
+    shared = split(light.model, min(fits, key=lambda f: f.cost), problem.model)
     return Point(shared, np.zeros(problem.local_shape))
+
+
+def split(light: Model, found: Fit, heavy: Model) -> FloatArray:
+    """Coordinates (P,) of a chain of two lumps that is about the found chain of one."""
+    values = {p.name: found.value(light, p.name) for p in light.parameters}
+    for axis in light.axes:
+        values |= split_drive(values, axis)
+    return np.array([float(p.internal(values[p.name])) for p in heavy.parameters])
 
 
 def split_drive(values: dict[str, float], axis: str) -> dict[str, float]:
@@ -141,11 +157,23 @@ def staged_fit(measured: Measured, model: Model, guesses: dict[str, Guess], effo
     problem = problem_of(measured, model, local_spread(model))
     starts = from_starts(measured, problem, guesses, effort)
     begin = Point(starts[0].fit.point.shared, repeated(problem, starts[0].fit.point.local))
-    whole = problem
+    ends = over_all_steps(measured, problem, begin, effort)
+    return Staged(min(ends, key=lambda o: o.fit.cost), ends, starts)
+
+
+def over_all_steps(measured: Measured, problem: Problem, begin: Point, effort: Effort) -> list[Outcome]:
+    """Passes over all steps, after the initial states and the motor's motion have settled."""
     for _ in range(2):
-        held = replace(whole, free=(False,) * len(model.parameters))
+        held = replace(problem, free=(False,) * len(problem.model.parameters))
         settled = fit(held, begin, 3, 1.0)
-        whole, begin = with_reconstructed_motion(measured, whole, settled), settled.point
-    ends = passes(measured, whole, begin, effort.refine)
-    best = min(ends, key=lambda o: o.fit.cost)
-    return Staged(best, ends, starts)
+        problem, begin = with_reconstructed_motion(measured, problem, settled), settled.point
+    return passes(measured, problem, begin, effort.refine)
+
+
+def with_heavier_chain(measured: Measured, staged: Staged, effort: Effort) -> Staged:
+    """The fit continued with the drive's lump split into gear and pinion; both structures' ends, the better as best."""
+    light = staged.best.problem.model
+    problem = problem_of(measured, replace(light, lumps=2), local_spread(light))
+    begin = Point(split(light, staged.best.fit, problem.model), staged.best.fit.point.local)
+    ends = [*staged.ends, *over_all_steps(measured, problem, begin, effort)]
+    return Staged(min(ends, key=lambda o: o.fit.cost), ends, staged.starts)

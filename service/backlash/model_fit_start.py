@@ -17,7 +17,7 @@ from service.recording import FloatArray, Recording
 
 SEARCH_STEPS = 4
 
-AT_ONCE = 100
+AT_ONCE = 40
 """Machines simulated in one pass: more gain no speed and cost 1 MB each."""
 
 

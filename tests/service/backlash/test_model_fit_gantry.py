@@ -34,3 +34,12 @@ def test_wandering_distance_of_the_motors_is_no_backlash(shared_dir: Path) -> No
         assert np.abs(result.backlash - truth[axis]) < max(1e-6, 0.02 * truth[axis])
         assert result.interval_95 is not None
         assert result.interval_95[1] - result.interval_95[0] < 4e-6
+
+
+def test_a_gantry_that_one_search_does_not_solve_is_answered(shared_dir: Path) -> None:
+    path = shared_dir / "captures" / "declared-gantry-01.parquet"
+    truth = json.loads((shared_dir / "captures" / "declared-gantry-01-truth.json").read_text())["backlash_m"]
+    for axis, result in model_fit_axes(read_capture(path), "X2").items():
+        assert result.verdict == "ok", result.detail
+        assert result.backlash is not None
+        assert abs(result.backlash - truth[axis]) < max(0.5e-6, 0.01 * truth[axis])
