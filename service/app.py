@@ -24,17 +24,22 @@ from service.api.ports import WebSettings
 from service.api.web import create_web_app
 from service.backlash.figure import step_picture
 from service.captures import CaptureError, read_capture
+from service.captures.report import read_predictions
 from service.config import Settings
 from service.motion.client import MotionClient
 from service.motion.machine import open_machine
 from service.motion.process import MachineOpener
+from service.recording import Recording
+from service.report.page import report_page
 from service.runs.analysis import Analysis
 from service.runs.box import Box
 from service.runs.diagnostic_run import Workshop
+from service.runs.pairs import NothingToExplain, known_capture
 from service.runs.refinement import Refinement
 from service.runs.scheduler import Scheduler
 from service.runs.workbench import Workbench
 from service.store.database import open_database
+from service.store.model_records import ExplanationRecord
 from service.store.records import AxisRecord, RunRecord
 from service.store.repository import Repository
 
@@ -70,7 +75,15 @@ class House:
             token_sha256=self.settings.api.token_sha256,
         )
         picture = partial(draw_step, self.workshop)
-        return create_web_app(self.repository, self.box, web, picture=picture, missing=self.missing)
+        return create_web_app(
+            self.repository,
+            self.box,
+            self.workbench,
+            web,
+            picture=picture,
+            report=partial(report_on, self.workshop),
+            missing=self.missing,
+        )
 
 
 @contextmanager
@@ -138,6 +151,24 @@ def draw_step(workshop: Workshop, run: RunRecord, axis: str, step: int) -> str |
         log.exception("run %d: its capture cannot be drawn", run.id)
         return None
     return step_picture(recording, axis, step, result)
+
+
+def report_on(workshop: Workshop, explanation: ExplanationRecord) -> str | None:
+    """The page about an explanation; None while it has no finding. Without its files it has no pictures."""
+    if explanation.found is None:
+        return None
+    run = workshop.repository.run(explanation.run_id)
+    trains = ", ".join(f"run {number}" for number in explanation.train_run_ids)
+    about = [
+        f"Judged on run {run.id} of {run.group}, {run.finished_at:%Y-%m-%d %H:%M} UTC; fitted to {trains}."
+    ]
+    try:
+        recording = known_capture(workshop.captures, run).read()
+        predictions = read_predictions(workshop.captures / (explanation.predictions_path or "none"))
+    except (CaptureError, NothingToExplain, OSError) as error:
+        about.append(f"Without pictures: {error}")
+        recording, predictions = Recording(machine="", axes=(), traces={}), {}
+    return report_page(f"Model check of run {run.id}", about, explanation.found, predictions, recording)
 
 
 def _axis_records(settings: Settings) -> list[AxisRecord]:

@@ -28,10 +28,13 @@ ALLOWED: dict[str, set[str]] = {
         "service.backlash", "service.monitoring", "service.identification", "service.dynamics",
         "service.report",
     },
-    "service.api": {"service.runs", "service.store", "service.config", "service.backlash", "service.monitoring"},
+    "service.api": {
+        "service.runs", "service.store", "service.config", "service.backlash", "service.monitoring",
+        "service.report",
+    },
     "service.app": {
         "service.api", "service.runs", "service.motion", "service.store", "service.captures", "service.config",
-        "service.backlash", "service.monitoring",
+        "service.backlash", "service.monitoring", "service.report", "service.recording",
     },
     "service.analyze": {"service.backlash", "service.captures"},
     "service.planning": {"service.backlash", "service.config"},

@@ -8,7 +8,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Protocol
 
-from service.store.records import CheckAnswer, Progress, RunRecord
+from service.store.model_records import ExplanationRecord, RevisionRecord
+from service.store.records import CheckAnswer, Progress, RunRecord, StepParameters, StepsAnswer
 
 Picture = Callable[[RunRecord, str, int], str | None]
 """Draw one step of a run as SVG: (run, axis, step index); None where the run has no such step to show."""
@@ -20,8 +21,31 @@ class Checks(Protocol):
     def request(self, target: str, idempotency_key: str | None) -> CheckAnswer:
         """Put a check of an axis or a group into the box, or say why not."""
 
+    def request_steps(self, target: str, steps: StepParameters) -> StepsAnswer:
+        """Put a run of other steps than the configured ones into the box, or say why not."""
+
     def progress(self) -> Progress | None:
         """Say where the run in the box stands; None when the machine is idle."""
+
+
+class Loop(Protocol):
+    """What is computed beside the runs. All calls return at once."""
+
+    def explain(self, run_id: int, train: Sequence[int]) -> int:
+        """Have a run explained; the explanation's id. Raises NothingToExplain, UnknownRecordError."""
+
+    def decide(self, revision_id: int, *, accept: bool, by: str, note: str | None) -> RevisionRecord:
+        """Accept or reject a proposed model revision.
+
+        Raises AlreadyDecidedError, AxisGoneError, UnknownRecordError.
+        """
+
+    def progress(self) -> tuple[int, str] | None:
+        """The run that is being computed and what is done; None at rest."""
+
+
+Report = Callable[[ExplanationRecord], str | None]
+"""Write the page about an explanation as HTML; None where there is nothing to write about."""
 
 
 @dataclass(frozen=True)

@@ -5,20 +5,13 @@ from __future__ import annotations
 from datetime import date, datetime
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
+from service.api.base import UTC_TIME, Interval, Schema
+from service.api.model_schemas import ComputingView, ModelCheckView, RevisionView, StepsView
 from service.monitoring.alarm import AlarmEvent, AlarmKind
 
 Verdict = Literal["ok", "refused"]
-Interval = tuple[float, float]
-
-UTC_TIME = "UTC, RFC 3339"
-
-
-class Schema(BaseModel):
-    """The base of all: a key that is not known is an error."""
-
-    model_config = ConfigDict(extra="forbid")
 
 
 class Reasoned(Schema):
@@ -206,6 +199,18 @@ class AxisView(Schema):
         description="The latest accepted value, with its trend; null before the first."
     )
     latest: ValueView | None = Field(description="The latest answer, refused or not; null before the first.")
+    declared: ValueView | None = Field(
+        description="The latest accepted value by the declared model, where the series is a revision's; else null."
+    )
+    model_check: ModelCheckView | None = Field(
+        description="The latest verdict on what the axis' model lacks; null before the first."
+    )
+    revision: RevisionView | None = Field(
+        description="The accepted model revision that the current values are computed with; null when declared."
+    )
+    proposed: list[RevisionView] = Field(
+        description="Model revisions that wait for a decision, newest first."
+    )
     alarm_state: AlarmState = Field(description="The most urgent state of its alarms, in ISA-18.2's words.")
     alarms: list[AlarmView] = Field(
         description="Its alarms that are active or not acknowledged, newest first."
@@ -255,6 +260,12 @@ class RunDetail(RunView):
     """A run with all that it found."""
 
     results: list[ResultView] = Field(description="Each axis' answer by each method, with its steps.")
+    other_steps: StepsView | None = Field(
+        description="The steps it made where they were not the configured ones: its values measure nothing."
+    )
+    model_checks: list[ModelCheckView] = Field(
+        description="What the models lacked in this run, the newest verdict first."
+    )
 
 
 class RunPage(Schema):
@@ -322,6 +333,9 @@ class Status(Schema):
     time: datetime = Field(description=f"The service's clock ({UTC_TIME}).")
     progress: ProgressView | None = Field(
         description="The check that waits or moves; null when the machine is idle."
+    )
+    computing: ComputingView | None = Field(
+        description="What is being computed beside the runs; null at rest."
     )
     not_ready: list[str] = Field(
         description="What keeps the service from measuring, in sentences; empty when nothing."

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from service.api.model_schemas import ComputingView
+from service.api.model_views import model_check_view, revision_view, steps_view
 from service.api.part_views import direction_view, place_view
 from service.api.schemas import (
     AlarmDetail,
@@ -23,6 +25,7 @@ from service.api.schemas import (
 from service.api.words import in_words
 from service.backlash.results import StepResult
 from service.monitoring.trend import Trend
+from service.store.model_records import ExplanationRecord, RevisionRecord
 from service.store.records import (
     AlarmEventRecord,
     AlarmRecord,
@@ -133,7 +136,15 @@ def alarm_state(alarms: Sequence[AlarmRecord]) -> AlarmState:
 
 
 def axis_view(
-    axis: AxisRecord, current: ValueRecord | None, latest: ValueRecord | None, alarms: Sequence[AlarmRecord]
+    axis: AxisRecord,
+    current: ValueRecord | None,
+    latest: ValueRecord | None,
+    alarms: Sequence[AlarmRecord],
+    *,
+    declared: ValueRecord | None = None,
+    model_check: ExplanationRecord | None = None,
+    revision: RevisionRecord | None = None,
+    proposed: Sequence[RevisionRecord] = (),
 ) -> AxisView:
     """Show an axis as it stands."""
     return AxisView(
@@ -144,6 +155,10 @@ def axis_view(
         series=axis.series,
         current=None if current is None else value_view(current),
         latest=None if latest is None else value_view(latest),
+        declared=None if declared is None else value_view(declared),
+        model_check=None if model_check is None else model_check_view(model_check),
+        revision=None if revision is None else revision_view(revision),
+        proposed=[revision_view(one) for one in proposed],
         alarm_state=alarm_state(alarms),
         alarms=[alarm_view(alarm) for alarm in alarms],
     )
@@ -169,9 +184,21 @@ def run_view(run: RunRecord) -> RunView:
     )
 
 
-def run_detail(run: RunRecord, found: Sequence[ValueRecord]) -> RunDetail:
+def run_detail(
+    run: RunRecord, found: Sequence[ValueRecord], checks: Sequence[ExplanationRecord] = ()
+) -> RunDetail:
     """Show a run with all that it found."""
-    return RunDetail(**dict(run_view(run)), results=[result_view(value) for value in found])
+    return RunDetail(
+        **dict(run_view(run)),
+        results=[result_view(value) for value in found],
+        other_steps=steps_view(run.steps),
+        model_checks=[model_check_view(one) for one in checks],
+    )
+
+
+def computing_view(progress: tuple[int, str] | None) -> ComputingView | None:
+    """Show what is being computed."""
+    return None if progress is None else ComputingView(run_id=progress[0], what=progress[1])
 
 
 def progress_view(progress: Progress | None) -> ProgressView | None:

@@ -13,8 +13,8 @@ from starlette.types import Lifespan
 from service.api import problems
 from service.api.access import guard
 from service.api.limits import BodyLimit
-from service.api.ports import Checks, Picture, WebSettings, nothing_missing, now_utc
-from service.api.routes import alarms, axes, checks, health, page, runs
+from service.api.ports import Checks, Loop, Picture, Report, WebSettings, nothing_missing, now_utc
+from service.api.routes import alarms, axes, checks, health, models, page, runs
 from service.store.repository import Repository
 
 _DESCRIPTION = (
@@ -26,9 +26,11 @@ _DESCRIPTION = (
 def create_web_app(
     repository: Repository,
     box: Checks,
+    loop: Loop,
     settings: WebSettings,
     *,
     picture: Picture,
+    report: Report,
     missing: Callable[[], Sequence[str]] = nothing_missing,
     clock: Callable[[], datetime] = now_utc,
     lifespan: Lifespan[FastAPI] | None = None,
@@ -52,7 +54,8 @@ def create_web_app(
     for router in (
         axes.router(repository),
         runs.router(repository, picture, settings),
-        checks.router(repository, box, missing, settings),
+        checks.router(repository, box, loop, missing, settings),
+        models.router(repository, loop, report, settings),
         alarms.router(repository, clock),
     ):
         app.include_router(router, prefix="/api/v1", dependencies=guarded)

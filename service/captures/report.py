@@ -6,10 +6,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
 
 from service.backlash.results import AxisResult, DirectionValue, PlaceValue, StepResult
+from service.recording import Trace
 
 
 def axis_result_to_json(result: AxisResult) -> dict[str, Any]:
@@ -69,3 +71,23 @@ def step_result_to_json(step: StepResult) -> dict[str, Any]:
 def write_predictions(columns: Mapping[str, Sequence[Any]], path: Path) -> None:
     """Write predictions as Parquet: time_s, axis, channel, model ("before" or "after"), value [channel's unit]."""
     pyarrow.parquet.write_table(pa.table(dict(columns)), path)
+
+
+def read_predictions(path: Path) -> dict[tuple[str, str], Trace]:
+    """Read predictions back: by (axis, model), at the channel's own time stamps [s]. Raises OSError."""
+    try:
+        columns = pyarrow.parquet.read_table(path).to_pydict()
+    except pa.ArrowException as error:
+        raise OSError(f"{path}: is no file of predictions: {error}") from error
+    return predicted_traces(columns)
+
+
+def predicted_traces(columns: Mapping[str, Sequence[Any]]) -> dict[tuple[str, str], Trace]:
+    """Sort the rows of predictions by (axis, model)."""
+    axis, model = np.array(columns["axis"], dtype=object), np.array(columns["model"], dtype=object)
+    time, value = (np.asarray(columns[name], dtype=np.float64) for name in ("time_s", "value"))
+    found = {}
+    for key in dict.fromkeys(zip(axis, model, strict=True)):
+        rows = (axis == key[0]) & (model == key[1])
+        found[key] = Trace(time[rows], value[rows])
+    return found

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -121,3 +122,26 @@ def named(effects: Sequence[str]) -> str:
     """Name effects in a sentence, the strongest first."""
     names = [effect_words(effect).name for effect in effects]
     return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else "".join(names)
+
+
+def finding_in_words(found: Mapping[str, Any]) -> str:
+    """Say what an explanation found for one axis (an element of ``axes`` in its JSON)."""
+    if found["finding"] == "none":
+        return "Nothing is missing: the declared model explains the run up to the sensor's noise."
+    if found["finding"] == "unknown":
+        return (
+            "Something is missing, and no effect that Flankwatch knows explains it. Look for what is loose or has "
+            "changed; the backlash value of this run may be off by more than its interval says."
+        )
+    rivals = [group for group in found["indistinguishable"] if len(group) > 1]
+    said = f"The model lacks {named(found['effects'])}. {_change(found)}"
+    if rivals:
+        said += f" In these moves {named(rivals[0])} look alike; another move would tell them apart."
+    return said
+
+
+def _change(found: Mapping[str, Any]) -> str:
+    before, after = found["before"]["backlash_m"], found["after"]["backlash_m"]
+    if before is None or after is None:
+        return ""
+    return f"With it the backlash is {1e6 * after:.1f} µm; without it {1e6 * before:.1f} µm was believed."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated
 
 from fastapi import APIRouter, Path, Query, Request, Response
@@ -11,7 +12,8 @@ from service.api.problems import responses
 from service.api.replies import read_value_cursor, tagged, value_cursor
 from service.api.schemas import Axes, AxisView, ByProductHistory, HistoryPage
 from service.api.views import axis_view, value_view
-from service.store.records import AxisRecord
+from service.monitoring.trend import trend
+from service.store.records import DECLARED, AxisRecord, ValueRecord
 from service.store.repository import Repository
 
 AxisName = Annotated[str, Path(description="An axis' name.", max_length=64)]
@@ -57,11 +59,29 @@ def router(repository: Repository) -> APIRouter:
 
 
 def _view(repository: Repository, axis: AxisRecord) -> AxisView:
+    models = repository.models
     accepted = repository.values(axis.name, limit=1, accepted=True)
+    declared = repository.values(axis.name, limit=1, accepted=True, series=DECLARED)
     latest = repository.values(axis.name, limit=1)
+    checks = (one for one in models.explanations(axis=axis.name) if one.state in ("done", "cannot_tell"))
     return axis_view(
-        axis, next(iter(accepted), None), next(iter(latest), None), repository.alarms(axis=axis.name)
+        axis,
+        _with_trend(repository, next(iter(accepted), None)),
+        next(iter(latest), None),
+        repository.alarms(axis=axis.name),
+        declared=next(iter(declared), None) if axis.series != DECLARED else None,
+        model_check=next(checks, None),
+        revision=models.in_force(axis.name),
+        proposed=models.revisions(axis.name, "proposed"),
     )
+
+
+def _with_trend(repository: Repository, value: ValueRecord | None) -> ValueRecord | None:
+    """A restated value has no trend of its own: the values before it are computed after it."""
+    if value is None or value.outcome.trend is not None or value.outcome.model_revision is None:
+        return value
+    history = repository.history(value.outcome.result.axis)
+    return replace(value, outcome=replace(value.outcome, trend=trend(history.t, history.b)))
 
 
 def _page(repository: Repository, axis: AxisRecord, cursor: str | None, limit: int) -> HistoryPage:

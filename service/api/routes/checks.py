@@ -8,11 +8,21 @@ from typing import Annotated
 
 from fastapi import APIRouter, Header, Response
 
-from service.api.ports import Checks, WebSettings, now_utc
+from service.api.model_schemas import MoveRequest
+from service.api.ports import Checks, Loop, WebSettings, now_utc
 from service.api.problems import ProblemError, responses
 from service.api.schemas import CheckAccepted, CheckRequest, Status
-from service.api.views import progress_view
-from service.store.records import Busy, CheckAnswer, KeyReused, Queued, Unavailable, UnknownTarget
+from service.api.views import computing_view, progress_view
+from service.store.records import (
+    BeyondLimits,
+    Busy,
+    CheckAnswer,
+    KeyReused,
+    Queued,
+    StepParameters,
+    Unavailable,
+    UnknownTarget,
+)
 from service.store.repository import Repository
 
 Key = Annotated[
@@ -29,10 +39,15 @@ _LOCATION = {"headers": {"Location": {"description": "The run.", "schema": {"typ
 
 
 def router(
-    repository: Repository, checks: Checks, missing: Callable[[], Sequence[str]], settings: WebSettings
+    repository: Repository,
+    checks: Checks,
+    loop: Loop,
+    missing: Callable[[], Sequence[str]],
+    settings: WebSettings,
 ) -> APIRouter:
     """Build the routes of the checks."""
     api = APIRouter(tags=["checks"])
+    _add_moves(api, repository, checks)
 
     @api.post(
         "/checks",
@@ -56,10 +71,37 @@ def router(
             version=settings.version,
             time=now_utc(),
             progress=progress_view(checks.progress()),
+            computing=computing_view(loop.progress()),
             not_ready=list(missing()),
         )
 
     return api
+
+
+def _add_moves(api: APIRouter, repository: Repository, checks: Checks) -> None:
+    @api.post(
+        "/moves",
+        status_code=202,
+        response_model=CheckAccepted,
+        responses={202: _LOCATION, **responses(409, 503)},
+        summary="Make a separating move",
+    )
+    def move(body: MoveRequest, response: Response) -> CheckAccepted:
+        """Put a run of these steps into the box, to tell two effects apart. **The machine moves.**
+
+        The run is recorded and explained; its values are no measurements of the axis and enter no trend.
+        """
+        target = _target(CheckRequest(axis=body.axis), repository)
+        steps = StepParameters(body.length_m, body.jerk_m_s3, body.direction)
+        answer = checks.request_steps(target, steps)
+        if isinstance(answer, BeyondLimits):
+            raise ProblemError(
+                HTTPStatus.UNPROCESSABLE_ENTITY, "beyond-limits", "More than the axis may do", answer.detail
+            )
+        queued = _queued(answer)
+        location = f"/api/v1/runs/{queued.run_id}"
+        response.headers["Location"] = location
+        return CheckAccepted(run_id=queued.run_id, location=location, replayed=queued.replayed)
 
 
 def _target(body: CheckRequest, repository: Repository) -> str:

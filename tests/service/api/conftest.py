@@ -15,7 +15,7 @@ from service.api.web import create_web_app
 from service.store.database import open_database
 from service.store.records import AxisRecord
 from service.store.repository import Repository
-from tests.service.api.house import NOON, Box, House, picture, run_night
+from tests.service.api.house import NOON, PAGE, Box, House, Loop, picture, run_night
 
 AXES = (
     AxisRecord("X1", "gantry", 57e-6, 15e-6),
@@ -45,15 +45,23 @@ def serve(store: Path, tmp_path: Path) -> Iterator[House]:
     repository = Repository(database)
     box = Box(repository)
     missing: list[str] = []
+    loop = Loop(repository)
 
     def build(**settings: object) -> TestClient:
         told = WebSettings("0.1.0", tmp_path / "captures", **settings)  # type: ignore[arg-type]
         app = create_web_app(
-            repository, box, told, picture=picture, missing=lambda: missing, clock=lambda: NOON
+            repository,
+            box,
+            loop,
+            told,
+            picture=picture,
+            report=lambda found: PAGE if found.found is not None else None,
+            missing=lambda: missing,
+            clock=lambda: NOON,
         )
         return TestClient(app, base_url="http://127.0.0.1:8470", raise_server_exceptions=False)
 
-    yield House(build(), repository, box, tmp_path / "captures", build, missing)
+    yield House(build(), repository, box, tmp_path / "captures", build, missing, loop)
     database.close()
 
 

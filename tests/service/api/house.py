@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -12,9 +12,13 @@ from fastapi.testclient import TestClient
 
 from service.backlash.results import AxisResult, Reason, StepResult
 from service.monitoring.alarm import Band, judge
+from service.runs.deciding import AxisGoneError
+from service.runs.pairs import NothingToExplain
+from service.store.model_records import ExplanationOrder, RevisionRecord
 from service.store.records import (
     AlarmChange,
     AxisOutcome,
+    BeyondLimits,
     CaptureFile,
     CheckAnswer,
     Progress,
@@ -22,11 +26,14 @@ from service.store.records import (
     RunEnd,
     RunOrder,
     RunRecord,
+    StepParameters,
+    StepsAnswer,
     Unavailable,
 )
 from service.store.repository import Repository
 
 NOON = datetime(2026, 9, 1, 12, tzinfo=UTC)
+PAGE = "<!doctype html><title>found</title>"
 SVG = '<svg xmlns="http://www.w3.org/2000/svg"/>'
 
 
@@ -44,7 +51,38 @@ class Box:
         order = RunOrder("on_demand", target, "gantry", ("X1", "X2"), NOON, idempotency_key=idempotency_key)
         return self.repository.queue_run(order)
 
+    def request_steps(self, target: str, steps: StepParameters) -> StepsAnswer:
+        if steps.length > 1.0:
+            return BeyondLimits(f"axis {target}: the step is longer than its travel")
+        order = RunOrder("on_demand", target, "gantry", ("X1", "X2"), NOON, steps=steps)
+        return self.repository.queue_run(order)
+
     def progress(self) -> Progress | None:
+        return self.now
+
+
+@dataclass
+class Loop:
+    """Computes nothing: a test ends what is asked for."""
+
+    repository: Repository
+    nothing: NothingToExplain | None = None
+    now: tuple[int, str] | None = None
+
+    def explain(self, run_id: int, train: Sequence[int]) -> int:
+        self.repository.run(run_id)
+        if self.nothing is not None:
+            raise self.nothing
+        order = ExplanationOrder(run_id, tuple(train) or (run_id - 1,), "on_demand", NOON)
+        return self.repository.models.order(order)
+
+    def decide(self, revision_id: int, *, accept: bool, by: str, note: str | None) -> RevisionRecord:
+        axis = self.repository.models.revision(revision_id).axis
+        if accept and not self.repository.axis(axis).configured:
+            raise AxisGoneError(f"axis {axis} is no longer in the configuration")
+        return self.repository.models.decide(revision_id, accept=accept, at=NOON, by=by, note=note)
+
+    def progress(self) -> tuple[int, str] | None:
         return self.now
 
 
@@ -58,6 +96,7 @@ class House:
     captures: Path
     rebuild: Callable[..., TestClient]
     missing: list[str]
+    loop: Loop
 
     def get(self, path: str) -> dict[str, Any]:
         response = self.client.get(path)
