@@ -199,7 +199,7 @@ def join(
             system.B[:, row + 1, system.motor(axis, 1)] += d * share
 
 
-def add_bridge(system: LinearSystem, model: Model, values: Values) -> None:
+def add_bridge(system: LinearSystem, model: Structure, values: Values) -> None:
     """f of eq. (9): spring and damper between the two carriages, relaxed at `bridge_offset`."""
     k, d, offset = (values[f"bridge_{name}"] for name in ("stiffness", "damping", "offset"))
     for me, other, sign, share in ((0, 1, 1.0, 1.0), (1, 0, -1.0, 1.0 / values["mass_ratio"])):

@@ -1,0 +1,122 @@
+"""Further bodies on the driven model, given by what a modal test finds: mass ratio, frequency, damping ratio."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from service.dynamics.driven_effect import Case, DrivenEffect, Room
+from service.dynamics.driven_model import add_bridge
+from service.dynamics.driven_parameters import BRIDGE_PARAMETERS, Parameter
+from service.dynamics.driven_propagation import LinearSystem
+from service.recording import FloatArray
+
+
+def swing(prefix: str, largest: float) -> tuple[Parameter, ...]:
+    """Parameters of a mode; damping of welded and bolted steel."""
+    return (
+        Parameter(f"{prefix}_ratio", "1", 0.0, 0.3, logarithmic=False, low=0.0, high=largest, dose=0.02),
+        Parameter(f"{prefix}_frequency", "Hz", 25.0, 1.0, low=2.0, high=250.0),
+        Parameter(f"{prefix}_damping", "1", 0.02, 0.8, high=0.7),
+    )
+
+
+def at_rest(prefix: str) -> tuple[Parameter, ...]:
+    """What still swings at the first grid point of a step: found again in each."""
+    return (
+        Parameter(f"{prefix}_displacement", "m", 0.0, 1e-5, logarithmic=False, found_again=True),
+        Parameter(f"{prefix}_speed", "m/s", 0.0, 1e-3, logarithmic=False, found_again=True),
+    )
+
+
+@dataclass(frozen=True)
+class DrivenHungMass(DrivenEffect):
+    """A part hung elastically on the carriage; `hung_ratio` is its mass over M, the frequency with M held."""
+
+    name: ClassVar[str] = "hung_mass_mode"
+    means: ClassVar[str] = "an elastically hung mass on the carriage swings"
+    own: ClassVar[tuple[Parameter, ...]] = swing("hung", 1.0)
+    own_nuisance: ClassVar[tuple[Parameter, ...]] = at_rest("hung")
+    shapes: ClassVar[tuple[Mapping[str, float], ...]] = tuple(
+        {"hung_frequency": float(f)} for f in np.geomspace(6.0, 120.0, 9)
+    )
+
+    @property
+    def states(self) -> int:
+        return 2 * len(self.axes)
+
+    def assemble(self, system: LinearSystem, case: Case, room: Room) -> None:
+        for k, axis, x in self.each(case.model):
+            ratio, omega = (case.values[f"{axis}.hung_{p}"] for p in ("ratio", "frequency"))
+            omega = 2.0 * np.pi * omega
+            law = (omega**2, 2.0 * case.values[f"{axis}.hung_damping"] * omega)
+            hung, load = room.state + 2 * k, case.model.load(x)
+            system.A[:, hung, hung + 1] = 1.0
+            for part, size in enumerate(law):
+                system.A[:, hung + 1, hung + part] -= size
+                system.A[:, hung + 1, load + part] += size
+                system.A[:, load + 1, hung + part] += ratio * size
+                system.A[:, load + 1, load + part] -= ratio * size
+
+    def begin(self, x0: FloatArray, case: Case, room: Room) -> None:
+        for k, _, x in self.each(case.model):
+            hung, load = room.state + 2 * k, case.model.load(x)
+            x0[..., hung : hung + 2] = x0[..., load : load + 2] + case.nuisance[..., 2 * k : 2 * k + 2]
+
+
+@dataclass(frozen=True)
+class DrivenMachineBody(DrivenEffect):
+    """The machine's body gives way on its feet; racks and guides, which it carries, move with it.
+
+    `body_ratio` is M of the first axis over the body's mass, frequency and damping those of the body alone. The
+    accelerometer feels the carriage's motion against the ground. Both axes of a gantry stand on one body.
+    """
+
+    name: ClassVar[str] = "machine_body_mode"
+    means: ClassVar[str] = "the machine's body swings on its feet and the axis excites it"
+    shared: ClassVar[tuple[Parameter, ...]] = swing("body", 3.0)
+    shared_nuisance: ClassVar[tuple[Parameter, ...]] = at_rest("body")
+    shapes: ClassVar[tuple[Mapping[str, float], ...]] = tuple(
+        {"body_frequency": float(f)} for f in np.geomspace(6.0, 60.0, 9)
+    )
+
+    @property
+    def states(self) -> int:
+        return 2
+
+    def carry(self, system: LinearSystem, case: Case, room: Room) -> None:
+        body, omega = room.state, 2.0 * np.pi * case.values["body_frequency"]
+        system.A[:, body, body + 1] = 1.0
+        system.A[:, body + 1, body] -= omega**2
+        system.A[:, body + 1, body + 1] -= 2.0 * case.values["body_damping"] * omega
+        for _, _, x in self.each(case.model):
+            ratio = case.values["body_ratio"] * (case.values.get("mass_ratio", 1.0) if x else 1.0)
+            system.guides[x].slip[body + 1] -= 1.0
+            system.guides[x].onto[:, body + 1] -= ratio
+            for side, sign in ((0, -1.0), (1, 1.0)):
+                system.approach[:, x, side, body] = sign
+                system.push[:, x, side, body + 1] = -sign * ratio
+
+    def begin(self, x0: FloatArray, case: Case, room: Room) -> None:
+        x0[..., room.state : room.state + 2] = case.nuisance
+        for _, _, x in self.each(case.model):
+            load = case.model.load(x)
+            x0[..., load : load + 2] += case.nuisance
+
+
+@dataclass(frozen=True)
+class DrivenGantryCoupling(DrivenEffect):
+    """Two axes that are declared to be single pull on each other: f of eq. (9), on a model without a bridge."""
+
+    name: ClassVar[str] = "gantry_coupling"
+    means: ClassVar[str] = "the two sides of the gantry pull on each other through the bridge"
+    shared: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("bridge_stiffness", "1/s²", 0.0, 1e5, logarithmic=False, low=0.0, dose=1e3),
+        *BRIDGE_PARAMETERS[1:],
+    )
+
+    def assemble(self, system: LinearSystem, case: Case, room: Room) -> None:
+        add_bridge(system, case.model, case.values)

@@ -1,0 +1,114 @@
+"""Effects on the carriage of the driven model: forces, and its guide's friction beyond viscous and Coulomb."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from service.dynamics.driven_effect import Case, DrivenEffect, Room
+from service.dynamics.driven_friction import speeds
+from service.dynamics.driven_parameters import Parameter, Values
+from service.dynamics.driven_propagation import LinearSystem
+
+
+@dataclass(frozen=True)
+class DrivenConstantForce(DrivenEffect):
+    """Gravity on a tilted axis, a counterweight: the declared model's constant, which is held at zero, released."""
+
+    name: ClassVar[str] = "constant_force"
+    means: ClassVar[str] = "a force pulls one way: gravity on a tilted axis, a counterweight"
+    own: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("constant_force", "m/s²", 0.0, 0.5, logarithmic=False, dose=0.05),
+    )
+
+    def restate(self, values: Values) -> Values:
+        return {**values, **{f"{a}.constant": values[f"{a}.constant_force"] for a in self.axes}}
+
+
+@dataclass(frozen=True)
+class DrivenPositionForce(DrivenEffect):
+    """A cable chain or a spring: a force that falls along the travel from its value where the recording began."""
+
+    name: ClassVar[str] = "position_dependent_force"
+    means: ClassVar[str] = "a force grows along the travel: cable chain, cover, spring"
+    own: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("spring_rate", "1/s²", 0.0, 200.0, logarithmic=False, dose=20.0),
+        Parameter("spring_preload", "m/s²", 0.0, 0.5, logarithmic=False, dose=0.05),
+    )
+
+    def assemble(self, system: LinearSystem, case: Case, room: Room) -> None:
+        for _, axis, x in self.each(case.model):
+            load = case.model.load(x)
+            system.A[:, load + 1, load] -= case.values[f"{axis}.spring_rate"]
+            system.B[:, load + 1, system.constant()] += case.values[f"{axis}.spring_preload"]
+
+
+@dataclass(frozen=True)
+class DrivenAsymmetricFriction(DrivenEffect):
+    """A guide that rubs harder in positive travel than in negative, by twice the asymmetry."""
+
+    name: ClassVar[str] = "asymmetric_friction"
+    means: ClassVar[str] = "friction differs between the two directions: guide or seal damaged on one side"
+    own: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("coulomb_asymmetry", "m/s²", 0.0, 0.3, logarithmic=False, dose=0.05),
+        Parameter("viscous_asymmetry", "1/s", 0.0, 2.0, logarithmic=False, dose=0.5),
+    )
+    bends_friction: ClassVar[bool] = True
+
+    def assemble(self, system: LinearSystem, case: Case, room: Room) -> None:
+        for _, axis, x in self.each(case.model):
+            guide, excess = system.guides[x], case.values[f"{axis}.coulomb_asymmetry"]
+            guide.forward = np.maximum(guide.forward + excess, 0.0)
+            guide.backward = np.maximum(guide.backward - excess, 0.0)
+            guide.table += case.values[f"{axis}.viscous_asymmetry"][:, None] * np.abs(speeds())
+
+
+@dataclass(frozen=True)
+class DrivenStribeckFriction(DrivenEffect):
+    """A guide that holds harder at low speed; the excess falls off as exp(−(v/v_s)²)."""
+
+    name: ClassVar[str] = "stribeck_friction"
+    means: ClassVar[str] = "friction is higher at low speed: lubrication is poor"
+    own: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("breakaway", "m/s²", 0.0, 0.5, logarithmic=False, low=0.0, dose=0.05),
+        Parameter("stribeck_speed", "m/s", 0.012, 0.7, low=2e-3, high=0.2),
+    )
+    shapes: ClassVar[tuple[Mapping[str, float], ...]] = (
+        {"stribeck_speed": 0.006},
+        {"stribeck_speed": 0.015},
+        {"stribeck_speed": 0.04},
+    )
+    bends_friction: ClassVar[bool] = True
+
+    def assemble(self, system: LinearSystem, case: Case, room: Room) -> None:
+        v = speeds()
+        for _, axis, x in self.each(case.model):
+            guide, excess = system.guides[x], case.values[f"{axis}.breakaway"]
+            left = np.exp(-((v / case.values[f"{axis}.stribeck_speed"][:, None]) ** 2))
+            guide.forward = guide.forward + excess
+            guide.backward = guide.backward + excess
+            guide.table += excess[:, None] * (left - 1.0) * np.sign(v)
+
+
+@dataclass(frozen=True)
+class DrivenCurvedFriction(DrivenEffect):
+    """Friction that grows with a power of the speed: less than in proportion (grease) or more (churning, wipers)."""
+
+    name: ClassVar[str] = "curved_friction"
+    means: ClassVar[str] = "friction does not grow in proportion to the speed"
+    own: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("curved_level", "m/s²", 0.0, 0.5, logarithmic=False, dose=0.05),
+        Parameter("curved_power", "1", 1.0, 0.7, low=0.2, high=4.0),
+    )
+    shapes: ClassVar[tuple[Mapping[str, float], ...]] = ({"curved_power": 2.0}, {"curved_power": 0.5})
+    bends_friction: ClassVar[bool] = True
+
+    def assemble(self, system: LinearSystem, case: Case, room: Room) -> None:
+        """`curved_level` is its size at 0.1 m/s, the top speed of a diagnostic step."""
+        v = speeds()
+        for _, axis, x in self.each(case.model):
+            grown = np.abs(v / 0.1) ** case.values[f"{axis}.curved_power"][:, None]
+            system.guides[x].table += case.values[f"{axis}.curved_level"][:, None] * np.sign(v) * grown

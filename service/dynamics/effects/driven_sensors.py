@@ -1,0 +1,86 @@
+"""Effects of the measurement on the driven model: clocks, scales and zeros of the channels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from service.dynamics.driven_effect import Case, DrivenEffect
+from service.dynamics.driven_parameters import Parameter, Values
+from service.recording import FloatArray
+
+
+@dataclass(frozen=True)
+class DrivenLatency(DrivenEffect):
+    """The accelerometer's samples are stamped too late: the declared model's skew, which is held at zero, released."""
+
+    name: ClassVar[str] = "sensor_latency"
+    means: ClassVar[str] = "the accelerometer's samples are late against the drive's"
+    own: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("latency", "s", 0.0, 1e-3, logarithmic=False, low=-8e-3, high=8e-3, dose=1e-4),
+    )
+
+    def restate(self, values: Values) -> Values:
+        return {**values, **{f"{a}.skew": -values[f"{a}.latency"] for a in self.axes}}
+
+
+@dataclass(frozen=True)
+class DrivenGain(DrivenEffect):
+    """A wrong scale, or a sensor mounted askew."""
+
+    name: ClassVar[str] = "sensor_gain"
+    means: ClassVar[str] = "the accelerometer's scale is wrong, or it is mounted askew"
+    own: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("gain_error", "1", 0.0, 0.2, logarithmic=False, low=-0.6, high=0.6, dose=0.02),
+    )
+
+    def measure(self, predicted: FloatArray, case: Case) -> FloatArray:
+        out = predicted.copy()
+        for _, axis, x in self.each(case.model):
+            out[:, :, x] *= 1.0 + case.values[f"{axis}.gain_error"][:, None, None]
+        return out
+
+
+@dataclass(frozen=True)
+class DrivenBias(DrivenEffect):
+    """A zero that drifts with time or temperature; a constant one is taken off at rest before any fit.
+
+    What a straight drift does not follow, a warm-up, is a zero found again in every step.
+    """
+
+    name: ClassVar[str] = "sensor_bias"
+    means: ClassVar[str] = "the accelerometer's zero wanders: it warms up or drifts"
+    own: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("bias_drift", "m/s³", 0.0, 0.2, logarithmic=False, dose=0.01),
+    )
+    own_nuisance: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("zero", "m/s²", 0.0, 0.3, logarithmic=False, found_again=True),
+    )
+
+    def measure(self, predicted: FloatArray, case: Case) -> FloatArray:
+        out = predicted.copy()
+        time = case.start[:, None] + case.h * (np.arange(out.shape[-1]) + 0.5)
+        for k, axis, x in self.each(case.model):
+            drift = case.values[f"{axis}.bias_drift"][:, None, None] * time
+            out[:, :, x] += drift + case.nuisance[:, :, k, None]
+        return out
+
+
+@dataclass(frozen=True)
+class DrivenSpeedFilter(DrivenEffect):
+    """The drive reports a speed behind a first-order filter; the true motion is the inversely filtered one."""
+
+    name: ClassVar[str] = "speed_filter"
+    means: ClassVar[str] = "the drive filters its speed value before it sends it"
+    own: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("filter_time", "s", 0.0, 1e-3, logarithmic=False, low=0.0, high=1e-2, dose=1e-4),
+    )
+
+    def drive(self, c: FloatArray, case: Case) -> FloatArray:
+        out = c.copy()
+        for _, axis, x in self.each(case.model):
+            tau = case.values[f"{axis}.filter_time"][:, None, None, None]
+            out[:, :, :, x, :-1] += tau * c[:, :, :, x, 1:]
+        return out

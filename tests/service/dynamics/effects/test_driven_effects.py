@@ -1,0 +1,179 @@
+"""Every effect on the driven model against a general integrator of equations written down once more, rest to rest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from service.dynamics.driven import simulate
+from service.dynamics.driven_model import Model
+from service.dynamics.driven_motion import coefficients, plain_motion
+from service.dynamics.effects.driven_library import DRIVEN
+from service.recording import FloatArray, Trace
+
+H, K, BEGIN = 2.5e-4, 340, -0.002
+CHAIN = {
+    "backlash": 60e-6,
+    "contact_stiffness": 3e5,
+    "contact_damping_ratio": 0.06,
+    "coulomb": 0.4,
+    "viscous": 0.8,
+    "turnover_speed": 4e-4,
+    "drive_stiffness": 9e5,
+    "drive_damping_ratio": 0.05,
+    "drive_mass": 0.1,
+}
+SPEED = Trace(
+    np.arange(-0.02, 0.12, 1e-3),
+    0.1 * np.sin(np.pi * np.clip(np.arange(-0.02, 0.12, 1e-3), 0, 0.085) / 0.085) ** 2,
+)
+PLANTED = {
+    "sensor_latency": {"X1.latency": 0.0013},
+    "sensor_gain": {"X1.gain_error": -0.1},
+    "sensor_bias": {"X1.bias_drift": 0.7},
+    "speed_filter": {"X1.filter_time": 0.001},
+    "constant_force": {"X1.constant_force": 0.3},
+    "position_dependent_force": {"X1.spring_rate": 150.0, "X1.spring_preload": 0.1},
+    "asymmetric_friction": {"X1.coulomb_asymmetry": 0.2, "X1.viscous_asymmetry": 2.0},
+    "stribeck_friction": {"X1.breakaway": 0.5, "X1.stribeck_speed": 0.01},
+    "curved_friction": {"X1.curved_level": 0.5, "X1.curved_power": 2.0},
+    "gearbox_clearance": {"X1.clearance": 3e-5},
+    "position_dependent_backlash": {"X1.gap_slope": 0.008},
+    "contact_nonlinearity": {"X1.hardening": 1.5, "X1.hardening_depth": 4e-6},
+    "transmission_ripple": {"X1.ripple_amplitude": 4e-6, "X1.ripple_phase": 1.0, "X1.ripple_period": 3e-3},
+    "hung_mass_mode": {"X1.hung_ratio": 0.2, "X1.hung_frequency": 30.0, "X1.hung_damping": 0.03},
+    "machine_body_mode": {"body_ratio": 0.2, "body_frequency": 15.0, "body_damping": 0.03},
+}
+
+
+@dataclass
+class Plain:
+    """The machine, one force after the other; `e` holds what is planted, without the axis' name."""
+
+    e: dict[str, float]
+    v: dict[str, float] = field(default_factory=lambda: dict(CHAIN))
+
+    def __post_init__(self) -> None:
+        self.course = plain_motion(SPEED, 1.0)
+
+    def get(self, name: str) -> float:
+        return self.e.get(name, 0.0)
+
+    def motor(self, t: float) -> tuple[float, float]:
+        t -= self.get("latency")
+        x, v, a = (float(self.course(t, k)) for k in range(3))
+        x, v = x + self.get("filter_time") * v, v + self.get("filter_time") * a
+        if self.get("ripple_amplitude"):
+            size, kappa = self.e["ripple_amplitude"], 2 * np.pi / self.e["ripple_period"]
+            angle = kappa * x + self.e["ripple_phase"]
+            x += size * (np.sin(angle) - np.sin(self.e["ripple_phase"]))
+            v += size * kappa * np.cos(angle) * v
+        return x, v
+
+    def friction(self, slip: float) -> float:
+        up = self.v["coulomb"] + self.get("coulomb_asymmetry") + self.get("breakaway")
+        down = self.v["coulomb"] - self.get("coulomb_asymmetry") + self.get("breakaway")
+        held = float(np.clip(0.5 * (up + down) / self.v["turnover_speed"] * slip, -down, up))
+        more = self.v["viscous"] * slip + self.get("viscous_asymmetry") * abs(slip)
+        fade = np.exp(-((slip / self.e.get("stribeck_speed", 1.0)) ** 2)) - 1.0
+        more += self.get("breakaway") * float(fade) * float(np.sign(slip))
+        grown = (abs(slip) / 0.1) ** self.e.get("curved_power", 1.0)
+        return held + more + self.get("curved_level") * float(np.sign(slip)) * grown
+
+    def drive(self, stretch: float, rate: float) -> float:
+        k = self.v["drive_stiffness"]
+        d = 2 * self.v["drive_damping_ratio"] * np.sqrt(k)
+        if not self.get("clearance"):
+            return k * stretch + d * rate
+        return one_sided(stretch, rate, 0.5 * self.e["clearance"], k, d)
+
+    def contact(self, s: float, r: float, x: float, v: float) -> float:
+        """The depth's rate counts, so a gap that widens under way damps too."""
+        k, half = self.v["contact_stiffness"], 0.5 * (self.v["backlash"] + self.get("gap_slope") * x)
+        rate = r - float(np.sign(s)) * 0.5 * self.get("gap_slope") * v
+        force = one_sided(s, rate, half, k, 2 * self.v["contact_damping_ratio"] * np.sqrt(k))
+        deeper = abs(s) - half - self.get("hardening_depth")
+        return force + self.get("hardening") * k * max(deeper, 0.0) * float(np.sign(s))
+
+    def rates(self, t: float, z: FloatArray) -> list[float]:
+        xp, vp, x, v, xh, vh, xb, vb = z
+        xm, vm = self.motor(t)
+        drive, contact = self.drive(xm - xp, vm - vp), self.contact(xp - x + xb, vp - v + vb, x, v)
+        rub = self.friction(v - vb)
+        a = contact - rub + self.get("constant_force")
+        a += self.get("spring_preload") - self.get("spring_rate") * x
+        w, wb = 2 * np.pi * self.get("hung_frequency"), 2 * np.pi * self.get("body_frequency")
+        pull = w**2 * (xh - x) + 2 * self.get("hung_damping") * w * (vh - v)
+        a += self.get("hung_ratio") * pull
+        body = self.get("body_ratio") * (rub - contact) - wb**2 * xb - 2 * self.get("body_damping") * wb * vb
+        return [vp, (drive - contact) / self.v["drive_mass"], v, a, vh, -pull, vb, body]
+
+    def acceleration(self, rest: tuple[float, float]) -> FloatArray:
+        """(K,) as the sensor reads it; `rest` is the hung mass' displacement and speed at the start."""
+        xm, at = self.motor(BEGIN)[0], self.motor(BEGIN)[0] - 15e-6
+        z = np.array([xm, 0.0, at, 0.0, at + rest[0], rest[1], 0.0, 0.0])
+        grid = BEGIN + H * np.arange(K + 1)
+        v = solve_ivp(
+            self.rates, (grid[0], grid[-1]), z, t_eval=grid, max_step=4e-5, rtol=1e-7, atol=1e-11
+        ).y[3]
+        drift = self.get("bias_drift") * (2.0 + H * (np.arange(K) + 0.5))
+        return np.asarray((1.0 + self.get("gain_error")) * np.diff(v) / H + drift)
+
+
+def one_sided(s: float, r: float, half: float, k: float, d: float) -> float:
+    """A flank, eqs. (5)-(7), that never pulls."""
+    beyond = s - float(np.clip(s, -half, half))
+    force = k * beyond + d * r * (beyond != 0.0)
+    return force if force * beyond > 0.0 else 0.0
+
+
+def driven(
+    names: tuple[str, ...], planted: dict[str, float], rest: tuple[float, float] = (0.0, 0.0)
+) -> FloatArray:
+    effects = tuple(DRIVEN[name](("X1",)) for name in names)
+    model = Model(("X1",), 1, effects, "whole_move", ("constant", "skew"))
+    v = {f"X1.{n}": np.array([x]) for n, x in CHAIN.items()} | {n: np.array([x]) for n, x in planted.items()}
+    course, late = plain_motion(SPEED, 1.0), float(model.complete(v)["X1.skew"][0])
+    c = coefficients(course, BEGIN + late, H, K)[None, None, :, None]
+    place = c[0, 0, 0, 0, 0]
+    load = np.array([place - 15e-6, 0.0]).reshape(1, 1, 1, 2)
+    nuisance = np.zeros((1, 1, len(model.nuisance)))
+    if "hung_mass_mode" in names:
+        nuisance[..., :2] = rest
+    return np.asarray(
+        simulate(model, v, c, np.ones(1), load, H, nuisance, np.array([2.0])).acceleration[0, 0, 0]
+    )
+
+
+def check(names: tuple[str, ...], planted: dict[str, float], rest: tuple[float, float] = (0.0, 0.0)) -> None:
+    theirs = Plain({n.removeprefix("X1."): x for n, x in planted.items()}).acceleration(rest)
+    assert np.abs(theirs).max() > 3.0
+    assert np.sqrt(np.mean((driven(names, planted, rest) - theirs) ** 2)) < 0.01
+
+
+@pytest.mark.parametrize("name", sorted(PLANTED))
+def test_agrees_with_equations_written_once_more(name: str) -> None:
+    check((name,), PLANTED[name])
+
+
+def test_two_effects_together() -> None:
+    """The guide stands on the body, so friction that another effect bends must rub against it."""
+    check(
+        ("stribeck_friction", "machine_body_mode"),
+        PLANTED["stribeck_friction"] | PLANTED["machine_body_mode"],
+    )
+
+
+def test_a_mass_that_still_swings() -> None:
+    check(("hung_mass_mode",), PLANTED["hung_mass_mode"], (2e-5, 3e-3))
+
+
+@pytest.mark.parametrize("name", sorted(PLANTED))
+def test_an_effect_of_amount_zero_is_absent(name: str) -> None:
+    """Whatever shape it starts from; a link with two flanks differs by its dampers' pull alone."""
+    start = DRIVEN[name](("X1",)).starts[-1]
+    limit = 0.3 if name == "gearbox_clearance" else 1e-6
+    assert np.abs(driven((name,), dict(start)) - driven((), {})).max() < limit
