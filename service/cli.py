@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from functools import partial
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from service.backlash.results import AxisResult
     from service.config import Settings
     from service.demo import ComparedAxis, Comparison
-    from service.identification.explanation import Explanation
     from service.motion.process import MachineOpener
     from service.store.records import RunRecord
 
@@ -44,6 +43,9 @@ ConfigOption = Annotated[
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON (SI units) on stdout, nothing else.")]
 
+UrlOption = Annotated[str, typer.Option(help="Where the service listens.", envvar="FLANKWATCH_URL")]
+
+LOCAL_SERVICE = "http://127.0.0.1:8470"
 DEFAULT_CONFIG = Path("/etc/flankwatch/flankwatch.toml")
 
 
@@ -101,36 +103,76 @@ def analyze(
 @app.command()
 def explain(
     train: Annotated[
-        list[Path], typer.Option("--train", help="Capture to fit to; may be given several times.")
-    ],
-    validate: Annotated[Path, typer.Option("--validate", help="Capture that judges; it is not fitted.")],
+        list[Path] | None, typer.Option("--train", help="Capture to fit to; may be given several times.")
+    ] = None,
+    validate: Annotated[
+        Path | None, typer.Option("--validate", help="Capture that judges; it is not fitted.")
+    ] = None,
+    run: Annotated[
+        int | None, typer.Option("--run", min=1, help="Instead: a run of the running service, by its number.")
+    ] = None,
     as_json: JsonOption = False,
     predictions: Annotated[
         Path | None,
         typer.Option("--predictions", help="Parquet to write the predictions before and after to."),
     ] = None,
+    report: Annotated[Path | None, typer.Option("--report", help="HTML page to write.")] = None,
+    url: UrlOption = LOCAL_SERVICE,
 ) -> None:
     """Find what the declared model of each axis lacks, and report the error before and after adding it."""
-    from service.captures import CaptureError, read_capture
-    from service.captures.report import write_predictions
-    from service.identification.explain import explain as explained
+    if (run is None) == (not train or validate is None):
+        complain("give --train FILE and --validate FILE, or --run ID of the running service")
+        raise typer.Exit(2)
+    with progress_bar() as bar:
+        task = bar.add_task("explain", total=None)
+
+        def tell(text: str) -> None:
+            bar.update(task, description=text)
+
+        if run is not None:
+            found = _explain_run(run, url, predictions, report, tell)
+        else:
+            assert train and validate
+            found = _explain_files(train, validate, predictions, report, tell)
+    if as_json:
+        print_json(found)
+    else:
+        print_explanation(found)
+
+
+def _explain_files(
+    train: list[Path],
+    validate: Path,
+    predictions: Path | None,
+    report: Path | None,
+    tell: Callable[[str], None],
+) -> dict[str, Any]:
+    from service.captures import CaptureError
+    from service.explaining import explain_captures
     from service.identification.explanation import CannotExplain
 
     try:
-        recordings = [read_capture(path) for path in train]
-        judging = read_capture(validate)
-        with progress_bar() as bar:
-            task = bar.add_task("explain", total=None)
-            found = explained(recordings, judging, lambda text: bar.update(task, description=text))
-        if predictions is not None:
-            write_predictions(found.predictions(), predictions)
+        return explain_captures(train, validate, predictions=predictions, report=report, tell=tell)
     except (CaptureError, CannotExplain, OSError) as error:
         complain(str(error))
         raise typer.Exit(1) from None
-    if as_json:
-        print_json(found.as_json())
-    else:
-        print_explanation(found)
+
+
+def _explain_run(
+    run: int, url: str, predictions: Path | None, report: Path | None, tell: Callable[[str], None]
+) -> dict[str, Any]:
+    from service.remote import RemoteError, Service
+
+    service = Service(url, os.environ.get("FLANKWATCH_TOKEN"))
+    try:
+        explained = service.explain(run, tell)
+        for path, part in ((predictions, "predictions"), (report, "report")):
+            if path is not None:
+                path.write_bytes(service.part_of_explanation(explained["id"], part))
+    except (RemoteError, OSError) as error:
+        complain(str(error))
+        raise typer.Exit(1) from None
+    return {"run_id": run, "train_run_ids": explained["train_run_ids"], **explained["found"]}
 
 
 @app.command()
@@ -172,9 +214,7 @@ def serve(config: ConfigOption = DEFAULT_CONFIG) -> None:
 @app.command()
 def check(
     target: Annotated[str, typer.Argument(help="Axis or group, e.g. X1.", metavar="AXIS")],
-    url: Annotated[
-        str, typer.Option(help="Where the service listens.", envvar="FLANKWATCH_URL")
-    ] = "http://127.0.0.1:8470",
+    url: UrlOption = LOCAL_SERVICE,
     as_json: JsonOption = False,
 ) -> None:
     """Have the running service make a diagnostic run now, wait for it, and print what it found. The axis moves."""
@@ -390,21 +430,32 @@ def _compared_cells(axis: ComparedAxis) -> tuple[str, ...]:
     )
 
 
-def print_explanation(found: Explanation) -> None:
-    """What each axis' model lacks, for a person: the finding, the errors, the candidates by rank."""
+def print_explanation(found: dict[str, Any]) -> None:
+    """What each axis' model lacks, for a person: the finding in words, the errors, the evidence."""
+    from service.report.words import finding_in_words
+
     console = Console(highlight=False)
-    for axis in found.axes:
-        names = ", ".join(axis.effects) or axis.finding
-        console.print(f"{axis.axis} ({axis.channel}): {names}", style="bold", markup=False)
+    if "run_id" in found:
+        fitted = ", ".join(str(number) for number in found["train_run_ids"])
+        console.print(f"run {found['run_id']}, judged by a fit to run {fitted}", markup=False)
+    for axis in found["axes"]:
+        names = ", ".join(axis["effects"]) or axis["finding"]
+        console.print(f"{axis['axis']} ({axis['channel']}): {names}", style="bold", markup=False)
+        console.print(finding_in_words(axis), markup=False)
         table = Table()
         for heading in ("model", "held-out RMS", "over noise", "backlash µm"):
             table.add_column(heading, justify="left" if heading == "model" else "right")
-        for label, report in (("before", axis.before), ("after", axis.after)):
-            backlash = "–" if report.backlash is None else f"{report.backlash * 1e6:.2f}"
-            over = report.validation_rms / axis.noise_rms if axis.noise_rms else float("nan")
-            table.add_row(label, f"{report.validation_rms:.4g}", f"{over:.2f}", backlash)
+        for label in ("before", "after"):
+            error, noise = axis[label]["validation_rms"], axis["noise_rms"]
+            backlash = axis[label]["backlash_m"]
+            table.add_row(
+                label,
+                "–" if error is None else f"{error:.4g}",
+                f"{error / noise:.2f}" if error is not None and noise else "–",
+                "–" if backlash is None else f"{backlash * 1e6:.2f}",
+            )
         console.print(table)
-        for line in axis.evidence:
+        for line in axis.get("evidence", ()):
             console.print(f"  {line}", markup=False)
 
 
@@ -423,6 +474,9 @@ def print_run(run: dict[str, Any]) -> None:
                 f"  {value['axis']}: {value['backlash_m'] * 1e6:.2f} µm (95 %: {interval} µm), {value['method']}",
                 markup=False,
             )
+    for check in run.get("model_checks", ()):
+        for axis, words in check["in_words"].items():
+            console.print(f"  {axis}, model check: {words}", markup=False)
 
 
 def print_json(value: Any) -> None:

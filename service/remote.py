@@ -41,7 +41,26 @@ class Service:
             time.sleep(POLL)
         return run
 
+    def explain(self, run_id: int, tell: Callable[[str], None]) -> dict[str, Any]:
+        """Have a stored run explained, wait for it, and return the explanation. Raises RemoteError."""
+        accepted = self._call("POST", f"/api/v1/runs/{run_id}/explanations")
+        while (found := self._call("GET", accepted["location"]))["state"] in ("queued", "running"):
+            computing = self._call("GET", "/api/v1/status").get("computing")
+            ours = computing is not None and computing["run_id"] == run_id
+            tell(computing["what"] if computing and ours else f"run {run_id} waits for its turn")
+            time.sleep(POLL)
+        if found["found"] is None:
+            raise RemoteError(f"run {run_id}: {found['state'].replace('_', ' ')}: {found['detail']}")
+        return found
+
+    def part_of_explanation(self, number: int, part: str) -> bytes:
+        """Download the predictions (Parquet) or the report (HTML) of an explanation. Raises RemoteError."""
+        return self._ask("GET", f"/api/v1/explanations/{number}/{part}")
+
     def _call(self, method: str, path: str, body: Any = None) -> dict[str, Any]:
+        return dict(json.loads(self._ask(method, path, body)))
+
+    def _ask(self, method: str, path: str, body: Any = None) -> bytes:
         headers = {"Accept": "application/json"}
         if self._token:
             headers["Authorization"] = f"Bearer {self._token}"
@@ -52,7 +71,7 @@ class Service:
         request = urllib.request.Request(self._url + path, data=data, headers=headers, method=method)
         try:
             with urllib.request.urlopen(request, timeout=10) as reply:
-                return dict(json.load(reply))
+                return bytes(reply.read())
         except urllib.error.HTTPError as error:
             raise RemoteError(_problem(error)) from error
         except OSError as error:

@@ -36,6 +36,7 @@ ALLOWED: dict[str, set[str]] = {
         "service.api", "service.runs", "service.motion", "service.store", "service.captures", "service.config",
         "service.backlash", "service.monitoring", "service.report", "service.recording",
     },
+    "service.explaining": {"service.captures", "service.identification", "service.report"},
     "service.analyze": {"service.backlash", "service.captures"},
     "service.planning": {"service.backlash", "service.config"},
     "service.remote": set(),
