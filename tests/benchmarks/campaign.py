@@ -132,8 +132,10 @@ def _measured(left: Sequence[Task], jobs: int) -> Iterator[list[Record]]:
         return
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ.setdefault(variable, "1")  # "one core" is what the goals of time say
-    pool = multiprocessing.get_context("spawn").Pool(jobs, warm_up, (_warming(left),))
-    with pool:
+    spawn, warming = multiprocessing.get_context("spawn"), _warming(left)
+    with spawn.Pool(1) as compiler:  # compiling takes memory that is no part of an analysis
+        compiler.apply(warm_up, (warming,))
+    with spawn.Pool(jobs, warm_up, (warming,)) as pool:
         yield from pool.imap_unordered(measured, left)
         pool.close()
         pool.join()
