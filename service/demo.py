@@ -17,7 +17,8 @@ from drivers.sim.drive_config import DriveConfig, DriveFaults
 from drivers.sim.machine import SimulatedMachine
 from service.backlash.results import AxisResult
 from service.config import AxisSettings, Settings
-from service.dynamics.assembly import Effects
+from service.dynamics.assembly import Effects, Setpoint
+from service.dynamics.effects.effect import Measured
 from service.dynamics.parameters import AxisParameters, Friction, GantryParameters, Machine
 from service.dynamics.simulation import Plant
 from service.motion.machine import BusMachine
@@ -59,6 +60,7 @@ def open_demo(
     seed: int = SEED,
     machine: Machine = MACHINE,
     effects: Effects | None = None,
+    from_run: int = 1,
     drive_faults: Mapping[str, DriveFaults] | None = None,
     sensor_faults: Mapping[str, AccelerometerFaults] | None = None,
 ) -> Iterator[BusMachine]:
@@ -67,7 +69,7 @@ def open_demo(
     Parameters
     ----------
     paced : machine time passes as wall time, for a person who watches
-    effects : by axis, what the mechanics have and the paper's model lacks
+    effects : by axis, what the mechanics have and the paper's model lacks, from the ``from_run``-th run on
     drive_faults, sensor_faults : by axis, what is wrong with a drive or an accelerometer
     """
     ordinary = AccelerometerFaults(loss=FRAME_LOSS)
@@ -79,9 +81,29 @@ def open_demo(
         for axis in settings.axis
     ]
     channels = [bus.channel for bus in settings.bus]
-    plant = Plant(machine, effects)
+    plant = ChangingPlant(machine, effects or {}, from_run)
     with SimulatedMachine(channels, drives, sensors, plant, seed=seed, paced=paced):
         yield BusMachine(settings)
+
+
+class ChangingPlant:
+    """A plant that gains its effects when its drives are enabled for the n-th time: a machine that changes."""
+
+    def __init__(self, machine: Machine, effects: Effects, from_run: int) -> None:
+        self._plant = Plant(machine)
+        self.axes, self.dt = self._plant.axes, self._plant.dt
+        self._effects, self._from_run = effects, from_run
+        self._runs, self._enabled = 0, False
+
+    def advance(self, duration: float, setpoints: Sequence[Setpoint]) -> list[Measured]:
+        """Move on by ``duration`` [s] under one set-point per axis."""
+        enabled = any(setpoint.enabled for setpoint in setpoints)
+        if enabled and not self._enabled:
+            self._runs += 1
+            if self._runs == self._from_run and self._effects:
+                self._plant.switch_effects(self._effects)
+        self._enabled = enabled
+        return self._plant.advance(duration, setpoints)
 
 
 @dataclass(frozen=True)
