@@ -35,6 +35,11 @@ METHOD = "model_fit"
 MIN_STEPS = 4
 
 SINGLE = Effort()
+AGAIN = Effort(candidates=320, starts=4, refine=(2, 2, 2, 2, 3, 4, 5), settling=2)
+"""The further searches of a single axis. Few rounds between reconstructions: where the contact swings near half the
+rate of the speed samples, a machine that is fitted to the end on one reconstruction takes the input's error into
+its parameters, and its reconstruction is worse for it."""
+
 GANTRY = Effort(candidates=1500, starts=3, tried=12, rounds=(8, 5, 5), refine=(6, 5, 5))
 
 MISFIT_LIMIT = 9.0
@@ -99,16 +104,17 @@ def model_fit_axes(recording: Recording, axis: str) -> dict[str, AxisResult]:
 
 
 def best_of_attempts(measured: Measured, axes: tuple[str, ...], guesses: dict[str, Guess]) -> Staged:
-    """A staged fit, and another one from other random machines where it found no good minimum."""
-    if len(axes) == 1:
-        attempt, effort, poor = single_axis, SINGLE, POOR
-    else:
-        attempt, effort, poor = gantry, GANTRY, POOR_GANTRY
-    first = attempt(measured, axes, guesses, effort)
-    if first.best.fit.misfit < poor:
-        return first
-    again = replace(effort, seed=2, candidates=(2 if len(axes) == 1 else 1) * effort.candidates)
-    return min(first, attempt(measured, axes, guesses, again), key=lambda staged: staged.best.fit.cost)
+    """A staged fit, and others from other random machines where it found no good minimum."""
+    single = len(axes) == 1
+    attempt, poor = (single_axis, POOR) if single else (gantry, POOR_GANTRY)
+    further = [replace(AGAIN, seed=2), replace(AGAIN, seed=3)] if single else [replace(GANTRY, seed=2)]
+    best = attempt(measured, axes, guesses, SINGLE if single else GANTRY)
+    for effort in further:
+        if best.best.fit.misfit < poor:
+            break
+        best = min(best, attempt(measured, axes, guesses, effort), key=lambda staged: staged.best.fit.cost)
+        poor = max(poor, MISFIT_LIMIT)
+    return best
 
 
 def single_axis(

@@ -37,7 +37,8 @@ GOOD = 1.15
 @dataclass(frozen=True)
 class Effort:
     """candidates : random machines; tried : those fitted for `brief` rounds, of which the best `starts` go on;
-    rounds, refine : of each pass, few and all steps; seed of the random machines."""
+    rounds, refine : of each pass, few and all steps; seed of the random machines; settling : cycles in which a start's
+    motor motion is made to agree with it before it is fitted."""
 
     candidates: int = 160
     starts: int = 3
@@ -46,6 +47,7 @@ class Effort:
     rounds: tuple[int, ...] = (7, 5, 5)
     refine: tuple[int, ...] = (6, 5, 5)
     seed: int = 1
+    settling: int = 0
 
 
 @dataclass(frozen=True)
@@ -85,6 +87,20 @@ def passes(measured: Measured, problem: Problem, start: Point, rounds: tuple[int
     return out
 
 
+def settled(measured: Measured, problem: Problem, start: Point, cycles: int) -> tuple[Problem, Point]:
+    """The machine held, its initial states and the motor's motion between the samples made to agree with it.
+
+    A machine that is fitted before that bends its parameters to what is only an error of the interpolated input.
+    """
+    for _ in range(cycles):
+        held = replace(problem, free=(False,) * len(problem.free))
+        found = fit(held, start, 3, 1.0)
+        if found.misfit > HOPELESS:
+            break
+        problem, start = with_reconstructed_motion(measured, problem, found), found.point
+    return problem, start
+
+
 def from_starts(
     measured: Measured, problem: Problem, guesses: dict[str, Guess], effort: Effort
 ) -> list[Outcome]:
@@ -98,7 +114,8 @@ def from_starts(
         points.insert(1, from_lighter_chain(measured, problem, guesses, effort))
     ends: list[Outcome] = []
     for p in points:
-        tried = passes(measured, few, Point(p.shared, p.local[:SEARCH_STEPS]), effort.rounds)
+        begun, at = settled(measured, few, Point(p.shared, p.local[:SEARCH_STEPS]), effort.settling)
+        tried = passes(measured, begun, at, effort.rounds)
         ends.append(min(tried, key=lambda o: o.fit.cost))
         if ends[-1].fit.misfit < GOOD:
             break
@@ -163,10 +180,7 @@ def staged_fit(measured: Measured, model: Model, guesses: dict[str, Guess], effo
 
 def over_all_steps(measured: Measured, problem: Problem, begin: Point, effort: Effort) -> list[Outcome]:
     """Passes over all steps, after the initial states and the motor's motion have settled."""
-    for _ in range(2):
-        held = replace(problem, free=(False,) * len(problem.model.parameters))
-        settled = fit(held, begin, 3, 1.0)
-        problem, begin = with_reconstructed_motion(measured, problem, settled), settled.point
+    problem, begin = settled(measured, problem, begin, 2)
     return passes(measured, problem, begin, effort.refine)
 
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from service.backlash import model_fit as fitting
 from service.backlash.model_fit import model_fit, model_fit_axes
 from service.backlash.results import Reason
 from service.captures import read_capture
@@ -56,3 +58,23 @@ def test_torque_is_not_needed(shared_dir: Path) -> None:
     without = replace(whole, traces={k: t for k, t in whole.traces.items() if k[1] != "motor_torque"})
     result = model_fit(without, "X1")
     assert result.backlash == pytest.approx(truth, abs=0.5e-6)
+
+
+@pytest.mark.parametrize(
+    ("misfits", "searches", "kept"),
+    [((1.1,), 1, 1.1), ((4.0, 5.0), 2, 4.0), ((40.0, 20.0, 1.5), 3, 1.5), ((40.0, 2.0), 2, 2.0)],
+)
+def test_a_poor_minimum_is_searched_again_and_the_best_kept(
+    monkeypatch: pytest.MonkeyPatch, misfits: tuple[float, ...], searches: int, kept: float
+) -> None:
+    seeds = []
+
+    def search(measured: object, axes: object, guesses: object, effort: fitting.Effort) -> SimpleNamespace:
+        seeds.append(effort.seed)
+        misfit = misfits[len(seeds) - 1]
+        return SimpleNamespace(best=SimpleNamespace(fit=SimpleNamespace(misfit=misfit, cost=500.0 * misfit)))
+
+    monkeypatch.setattr(fitting, "single_axis", search)
+    best = fitting.best_of_attempts(None, ("X1",), {})  # type: ignore[arg-type]
+    assert (len(seeds), best.best.fit.misfit) == (searches, kept)
+    assert len(set(seeds)) == searches, "every search draws its own machines"
