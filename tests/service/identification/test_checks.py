@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from service.captures import read_capture
+from service.identification.checks import check_recordings
 from service.identification.explain import explain
 from service.identification.explanation import CannotExplain
 from service.recording import Recording, Trace
@@ -58,6 +59,11 @@ def test_two_rates(pair: tuple[Recording, Recording]) -> None:
     whole = validate.traces["X1", "acceleration"]
     with pytest.raises(CannotExplain, match="Hz"):
         explain([train], with_trace(validate, "acceleration", Trace(whole.time[::2], whole.value[::2])))
+
+
+def test_a_drive_that_repeats_its_counts_is_no_repeated_recording(pair: tuple[Recording, Recording]) -> None:
+    train, validate = pair
+    check_recordings([train], with_trace(validate, "motor_speed", train.traces["X1", "motor_speed"]))
 
 
 def test_moves_of_train_in_validate(pair: tuple[Recording, Recording]) -> None:
