@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
 from importlib.resources import files
 
 from fastapi import APIRouter, Response
 
+from service.report.page import STYLE
+
+_STYLE = base64.b64encode(hashlib.sha256(STYLE.encode()).digest()).decode()
+"""Of the report's page: fetched with a token and opened, it inherits the policy of this one."""
+
 _POLICY = (
-    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; connect-src 'self'; "
+    f"default-src 'none'; script-src 'self'; style-src 'self' 'sha256-{_STYLE}'; "
+    "img-src 'self' blob:; connect-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
 _HEADERS = {

@@ -1,7 +1,7 @@
 // One card per axis: where its backlash stands, what is wrong, and what can be done.
 
 import { curve } from "./chart.js";
-import { el, getJson, interval, um, when } from "./dom.js";
+import { el, getJson, interval, openPage, um, when } from "./dom.js";
 
 const STATES = {
   normal: ["No alarm", ""],
@@ -28,7 +28,8 @@ async function history(axis) {
 export async function card(axis, axes, actions) {
   const values = await history(axis);
   return el("article", { class: `card ${axis.alarm_state}`, "aria-label": `Axis ${axis.name}` },
-    head(axis), value(axis), trend(axis), refusal(axis), ...axis.alarms.map((a) => alarm(a, actions)),
+    head(axis), value(axis), trend(axis), refusal(axis), model(axis), ...axis.proposed.map((r) => proposal(r, actions)),
+    ...axis.alarms.map((a) => alarm(a, actions)),
     curve(axis, values), checkButton(axis, axes, actions));
 }
 
@@ -40,12 +41,13 @@ function head(axis) {
 }
 
 function value(axis) {
-  const now = axis.current;
+  const now = axis.current ?? axis.declared;
   if (now === null) return el("div", { class: "value" }, "—", el("small", {}, " not measured yet"));
   const box = el("div", {});
   box.append(
     el("div", { class: "value" }, um(now.backlash_m), el("small", {}, ` ${interval(now.backlash_m, now.interval_95_m)} µm`)),
     el("p", { class: "soft" }, `measured ${when(now.measured_at)}, run ${now.run_id}, method ${now.method}`));
+  if (axis.revision) box.append(el("p", { class: "soft" }, revisedText(axis)));
   return box;
 }
 
@@ -60,6 +62,34 @@ function trend(axis) {
     parts.push(NO_REFERENCE);
   }
   return el("p", { class: "soft" }, parts.join(", "));
+}
+
+// With an accepted model revision: whose value this is, and what the declared model says beside it.
+function revisedText(axis) {
+  const by = `model revision ${axis.revision.id}, accepted by ${axis.revision.decided_by}`;
+  if (axis.current === null) return `By the declared model still: the values with ${by} are being computed.`;
+  const beside = axis.declared ? ` By the declared model: ${um(axis.declared.backlash_m)} µm.` : "";
+  return `With ${by}.${beside}`;
+}
+
+// What the latest model check said; a clean one in few words, so that the others stand out.
+function model(axis) {
+  const check = axis.model_check;
+  if (!check || axis.proposed.length > 0) return null;
+  const found = check.in_words[axis.name];
+  const text = `Model check of run ${check.run_id}: ${found ?? `cannot tell. ${check.detail}`}`;
+  return el("p", { class: found?.startsWith("Something") ? "note" : "soft" }, text, " ", page(check));
+}
+
+function page(found) {
+  return found.report ? el("a", { href: found.report, onclick: (event) => openPage(event, found.report) }, "Show why") : null;
+}
+
+function proposal(revision, actions) {
+  const text = `${revision.in_words} Found in run ${revision.run_id} and in the one before.`;
+  return el("div", { class: "note proposal" }, el("p", {}, text, " ", page(revision)),
+    el("button", { onclick: () => actions.decide(revision, "accept") }, "Accept"),
+    el("button", { onclick: () => actions.decide(revision, "reject") }, "Reject"));
 }
 
 // A slope whose interval holds zero is not stated as one.

@@ -92,6 +92,17 @@ export const postJson = async (path, body, headers = {}) =>
     body: JSON.stringify(body),
   })).json();
 
+// A page of the service in a new tab; with a token it is fetched, since a link carries none.
+export async function openPage(event, path) {
+  if (!sessionStorage.getItem("token")) {
+    event.currentTarget.target = "_blank";
+    return;
+  }
+  event.preventDefault();
+  const tab = window.open("", "_blank");
+  tab.location = await getBlobUrl(path);
+}
+
 const waiting = new WeakMap();
 
 // Open a dialog of the page and wait until it is closed; true when it was confirmed.

@@ -31,6 +31,20 @@ const actions = {
     const seen = { by: $("ack-by").value.trim(), comment: $("ack-comment").value };
     await act(() => postJson(`/api/v1/alarms/${alarm.id}/acknowledge`, seen));
   },
+
+  async decide(revision, how) {
+    $("decide-title").textContent = how === "accept" ? "Accept the model revision" : "Reject the model revision";
+    $("decide-text").textContent = how === "accept"
+      ? `Axis ${revision.axis}: ${revision.in_words} From now on its values are computed with that; the earlier ones are `
+        + "computed anew beside the old. Open alarms stay until new values end them."
+      : `Axis ${revision.axis}: ${revision.in_words} The model stays as it is, and this finding is not proposed again.`;
+    $("decide-by").value = localStorage.getItem("by") ?? "";
+    $("decide-note").value = "";
+    if (!(await confirmed($("decide-dialog"))) || !$("decide-by").value.trim()) return;
+    localStorage.setItem("by", $("decide-by").value);
+    const decision = { by: $("decide-by").value.trim(), note: $("decide-note").value };
+    await act(() => postJson(`/api/v1/revisions/${revision.id}/${how}`, decision));
+  },
 };
 
 async function act(what) {
@@ -122,6 +136,7 @@ function openLinkedRun() {
 
 // A plain button, so that Enter in the form acknowledges; in the dialog before a move, Enter cancels.
 $("ack-cancel").addEventListener("click", () => $("ack-dialog").close());
+$("decide-cancel").addEventListener("click", () => $("decide-dialog").close());
 $("more-runs").addEventListener("click", showOlderRuns);
 window.addEventListener("hashchange", openLinkedRun);
 await loop();

@@ -1,6 +1,6 @@
 // The list of runs; one opens to its values, steps and pictures.
 
-import { el, getBlobUrl, getJson, interval, um, when } from "./dom.js";
+import { el, getBlobUrl, getJson, interval, openPage, um, when } from "./dom.js";
 
 const STATES = { queued: "waiting", running: "moving", ok: "measured", refused: "refused", failed: "failed" };
 
@@ -33,11 +33,20 @@ async function contents(run) {
   const parts = [];
   if (run.detail) parts.push(el("p", { class: "note" }, run.detail));
   parts.push(...run.results.flatMap((result) => resultParts(run, result)));
+  parts.push(...run.model_checks.map(modelCheck));
   if (run.capture_sha256) {
     parts.push(el("p", {}, el("button", { class: "quiet", onclick: () => download(run) }, "Download the recording")));
   }
   if (parts.length === 0) parts.push(el("p", { class: "soft" }, "Nothing was recorded in this run."));
   return parts;
+}
+
+function modelCheck(check) {
+  const found = Object.entries(check.in_words).map(([axis, words]) => `${axis}: ${words}`).join(" ");
+  const state = check.state === "queued" || check.state === "running" ? "is being made" : check.state.replace("_", " ");
+  const link = check.report && el("a", { href: check.report, onclick: (event) => openPage(event, check.report) }, "Show why");
+  return el("p", { class: "soft" }, `Model check, fitted to run ${check.train_run_ids.join(", ") || "—"}: `
+    + (found || `${state}. ${check.detail ?? ""}`), " ", link);
 }
 
 function resultParts(run, result) {

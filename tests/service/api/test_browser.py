@@ -13,6 +13,7 @@ import pytest
 import uvicorn
 
 from tests.service.api.house import House
+from tests.service.api.test_models import proposed
 
 CHROMIUM = Path("/usr/bin/chromium")
 
@@ -71,6 +72,19 @@ def test_a_technician_checks_and_acknowledges_by_keyboard(page: Any, nights: Hou
     page.get_by_role("button", name="Move and measure").click()
     page.wait_for_selector("text=waiting")
     assert nights.repository.unfinished_run() is not None
+
+
+def test_a_technician_reads_a_finding_and_accepts_it(page: Any, nights: House, tmp_path: Path) -> None:
+    revision = proposed(nights)
+    page.wait_for_selector("text=The model lacks a time lag")
+    page.screenshot(path=str(tmp_path / "proposal.png"), full_page=True)
+    assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0
+    assert page.get_by_role("link", name="Show why").first.get_attribute("href").endswith("/report")
+    page.get_by_role("button", name="Accept").click()
+    page.get_by_label("Your name").last.fill("A. Smith")
+    page.get_by_role("button", name="Decide").click()
+    page.wait_for_selector("text=accepted by A. Smith")
+    assert nights.repository.models.revision(revision).decided_by == "A. Smith"
 
 
 def test_the_page_fits_a_narrow_screen_and_opens_a_run(page: Any) -> None:
