@@ -77,7 +77,7 @@ function model(axis) {
   const check = axis.model_check;
   if (!check || axis.proposed.length > 0) return null;
   const found = check.in_words[axis.name];
-  const text = `Model check of run ${check.run_id}: ${found ?? `cannot tell. ${check.detail}`}`;
+  const text = `Model check of run ${check.run_id}: ${found ?? `cannot tell. ${check.detail ?? "This axis was not judged."}`}`;
   return el("p", { class: found?.startsWith("Something") ? "note" : "soft" }, text, " ", page(check));
 }
 
@@ -86,7 +86,7 @@ function page(found) {
 }
 
 function proposal(revision, actions) {
-  const text = `${revision.in_words} Found in run ${revision.run_id} and in the one before.`;
+  const text = `${revision.in_words} Confirmed by a second verdict, on run ${revision.run_id}.`;
   return el("div", { class: "note proposal" }, el("p", {}, text, " ", page(revision)),
     el("button", { onclick: () => actions.decide(revision, "accept") }, "Accept"),
     el("button", { onclick: () => actions.decide(revision, "reject") }, "Reject"));
