@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
-from service.backlash.excitation import Limits, NoStep, Proposal, Structure, propose
+from service.backlash.excitation import Limits, NoStep, Proposal, propose
 from service.backlash.model_fit import CHAIN_OF_TWO, GANTRY_OF_LUMPS
 from service.backlash.step_information import Sensing
 from service.config import Settings
@@ -49,8 +49,7 @@ def of_axis(settings: Settings, name: str) -> tuple[Limits, Sensing, float, int]
 def planned(limits: Limits, sensing: Sensing, b: float, axes: int) -> Proposal | NoStep:
     """The proposal for an expected backlash b [m], with what the fit's structure is worth in its interval."""
     lacking = CHAIN_OF_TWO if axes == 1 else GANTRY_OF_LUMPS
-    structure = Structure(lacking.floor, lacking.share)
-    return propose(limits, sensing, b, structure, max(WANTED[0], WANTED[1] * b), axes)
+    return propose(limits, sensing, b, lacking, max(WANTED[0], WANTED[1] * b), axes)
 
 
 def as_json(found: Proposal | NoStep, b: float) -> dict[str, Any]:

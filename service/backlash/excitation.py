@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from service.backlash.model_fit import Systematic
 from service.backlash.step_information import Sampled, Sensing, information, machine, sampled
 from service.dynamics.driven_model import Model
 from service.dynamics.trajectory import JerkLimitedStep, jerk_limited_step
@@ -56,14 +57,6 @@ class Limits:
     a: float
     jerk: float
     travel: float
-
-
-@dataclass(frozen=True)
-class Structure:
-    """Standard deviation of what the fit's model is worth: `floor` [m] and `share` of b."""
-
-    floor: float
-    share: float
 
 
 @dataclass(frozen=True)
@@ -109,7 +102,7 @@ class _Judged:
 
 
 def propose(
-    limits: Limits, sensing: Sensing, b: float, structure: Structure, wanted: float, axes: int = 1
+    limits: Limits, sensing: Sensing, b: float, structure: Systematic, wanted: float, axes: int = 1
 ) -> Proposal | NoStep:
     """The step that measures a gap of about b [m] best, or why none can.
 
@@ -220,7 +213,7 @@ def _conditions(sampled: Sampled, step: JerkLimitedStep, sensing: Sensing, b: fl
     return lasting
 
 
-def _proposal(found: _Judged, sensing: Sensing, b: float, structure: Structure, wanted: float) -> Proposal:
+def _proposal(found: _Judged, sensing: Sensing, b: float, structure: Systematic, wanted: float) -> Proposal:
     """The fewest steps that reach `wanted`, at least ten; ten where no number does."""
     counts = range(FEWEST, MOST + 1, 2)
     halves = {n: _half_widths(found, sensing, b, structure, n) for n in counts}
@@ -230,7 +223,7 @@ def _proposal(found: _Judged, sensing: Sensing, b: float, structure: Structure, 
 
 
 def _half_widths(
-    found: _Judged, sensing: Sensing, b: float, structure: Structure, n: int
+    found: _Judged, sensing: Sensing, b: float, structure: Systematic, n: int
 ) -> tuple[float, float]:
     """Half width of the 95 % interval [m] after n steps on the least favourable machine, and by the noise alone.
 

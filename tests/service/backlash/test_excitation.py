@@ -13,13 +13,13 @@ from service.backlash.excitation import (
     NoStep,
     Proposal,
     Sensing,
-    Structure,
     propose,
 )
+from service.backlash.model_fit import Systematic
 
 LIMITS = Limits(v=1.5, a=10.0, jerk=500.0, travel=0.05)
 SENSING = Sensing(noise=0.05)
-EXACT = Structure(0.0, 0.0)
+EXACT = Systematic(0.0, 0.0)
 
 
 def proposed(limits: Limits = LIMITS, sensing: Sensing = SENSING, b: float = 50e-6) -> Proposal:
@@ -48,7 +48,7 @@ def test_a_tight_limit_costs_information() -> None:
 
 
 def test_what_the_structure_is_worth_is_added() -> None:
-    found = propose(LIMITS, SENSING, 50e-6, Structure(1e-6, 0.0), wanted=1e-9)
+    found = propose(LIMITS, SENSING, 50e-6, Systematic(1e-6, 0.0), wanted=1e-9)
     assert isinstance(found, Proposal)
     assert found.half_width == pytest.approx((found.noise_alone**2 + (1.96e-6) ** 2) ** 0.5)
 
