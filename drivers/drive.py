@@ -37,6 +37,7 @@ __all__ = ["Drive", "DriveConfig", "DriveMove", "DriveRecord", "start_together"]
 
 _ATTEMPTS = 3
 _ANSWER = 0.5
+_BRAKING = 2.0
 _STEPS_TO_ENABLE = 6
 
 
@@ -136,6 +137,15 @@ class Drive:
         if link.emergency is not None:
             raise self._fault()
 
+    def check_moving(self) -> None:
+        """Raise what keeps the drive from moving now: what ``check`` raises, DriveFault, MoveNotFinished."""
+        self.check()
+        state = self.state
+        if state in (State.FAULT, State.FAULT_REACTION):
+            raise self._fault()
+        if state is not State.ENABLED:
+            raise MoveNotFinished(f"{self.name} left operation enabled in mid-move, it is in state {state}")
+
     def traces(self, frames: Frames) -> DriveRecord:
         """Speed, torque and statusword out of recorded frames, placed by the SYNC counter."""
         return decode(frames, self.config, self.rated_torque)
@@ -162,7 +172,8 @@ class Drive:
             link = self._linked()
             if link.state is State.ENABLED and not link.at_rest:
                 self.quick_stop()
-                self.bus.wait_until(lambda: not cia402.powered(link.state) or link.at_rest, 2.0)
+            # A drive that brakes keeps its torque until it stands: without it the axis would coast on.
+            self.bus.wait_until(lambda: not cia402.powered(link.state) or link.at_rest, _BRAKING)
             self._command(Command.DISABLE_VOLTAGE, lambda: not self._ready(), "switch on disabled")
             return
         self._disable_by_sdo()
@@ -212,7 +223,7 @@ class Drive:
         link, move = self._linked(), self._prepared()
 
         def acknowledged() -> bool:
-            self._check_moving()
+            self.check_moving()
             return link.acknowledged is not None
 
         for _ in range(_ATTEMPTS):
@@ -225,8 +236,10 @@ class Drive:
         self._set_point(move, new=False)
         return link.acknowledged
 
-    def wait_standstill(self) -> float:
+    def wait_standstill(self, guard: Callable[[], None] = lambda: None) -> float:
         """Wait for the end of the move: target reached and at rest; bus time of it [s].
+
+        ``guard`` is called meanwhile and raises to give up waiting; the drive goes on until it is stopped.
 
         Raises MoveNotFinished, DriveFault, NodeSilent, BusError.
         """
@@ -235,7 +248,8 @@ class Drive:
 
         def finished() -> bool:
             nonlocal moving_at
-            self._check_moving()
+            guard()
+            self.check_moving()
             now = self.bus.clock()
             over = now - self._started_clock >= move.duration
             if not (over and link.has(Status.TARGET_REACHED) and link.at_rest):
@@ -321,14 +335,6 @@ class Drive:
         low, high = self.config.software_limits
         if not low <= goal <= high:
             raise MoveRefused(f"{self.name}: target {goal:.3f} rad outside {low:.3f} to {high:.3f} rad")
-
-    def _check_moving(self) -> None:
-        self.check()
-        state = self.state
-        if state in (State.FAULT, State.FAULT_REACTION):
-            raise self._fault()
-        if state is not State.ENABLED:
-            raise MoveNotFinished(f"{self.name} left operation enabled in mid-move, it is in state {state}")
 
     def _fault(self) -> DriveFault:
         emergency = self._link.emergency if self._link is not None else None

@@ -73,6 +73,11 @@ class House:
             version=importlib.metadata.version("flankwatch"),
             captures_folder=self.settings.storage.captures,
             token_sha256=self.settings.api.token_sha256,
+            diagnostic_positions={
+                axis.name: axis.diagnostic_positions_m
+                for axis in self.settings.axis
+                if axis.diagnostic_positions_m
+            },
         )
         picture = partial(draw_step, self.workshop)
         return create_web_app(

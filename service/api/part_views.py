@@ -6,7 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from service.api.schemas import ByProductHistory, ByProductPoint, ByProductSeries, DirectionView, PlaceView
+from service.api.value_schemas import (
+    ByProductHistory,
+    ByProductPoint,
+    ByProductSeries,
+    DirectionView,
+    PlaceView,
+)
 from service.api.words import in_words
 from service.backlash.results import DirectionValue, PlaceValue
 from service.monitoring.trend import trend

@@ -4,26 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from service.api.alarm_schemas import AlarmDetail, AlarmEventView, AlarmState, AlarmView
 from service.api.model_schemas import ComputingView
 from service.api.model_views import model_check_view, revision_view, steps_view
 from service.api.part_views import direction_view, place_view
-from service.api.schemas import (
-    AlarmDetail,
-    AlarmEventView,
-    AlarmState,
-    AlarmView,
-    AxisView,
-    ByProductView,
-    ProgressView,
-    ResultView,
-    RunDetail,
-    RunView,
-    StepView,
-    TrendView,
-    ValueView,
-)
+from service.api.schemas import AxisView, ProgressView, RunDetail, RunView
+from service.api.value_schemas import ByProductView, ResultView, StepView, TrendView, ValueView
 from service.api.words import in_words
-from service.backlash.results import StepResult
+from service.backlash.results import PlaceValue, StepResult
 from service.monitoring.trend import Trend
 from service.store.model_records import ExplanationRecord, RevisionRecord
 from service.store.records import (
@@ -141,6 +129,8 @@ def axis_view(
     latest: ValueRecord | None,
     alarms: Sequence[AlarmRecord],
     *,
+    diagnostic_positions: Sequence[float] = (),
+    by_place: Sequence[PlaceValue] = (),
     declared: ValueRecord | None = None,
     model_check: ExplanationRecord | None = None,
     revision: RevisionRecord | None = None,
@@ -152,8 +142,10 @@ def axis_view(
         group=axis.group,
         reference_m=axis.reference,
         tolerance_m=axis.tolerance,
+        diagnostic_positions_m=list(diagnostic_positions),
         series=axis.series,
         current=None if current is None else value_view(current),
+        by_place=[place_view(part) for part in by_place] if len(by_place) > 1 else [],
         latest=None if latest is None else value_view(latest),
         declared=None if declared is None else value_view(declared),
         model_check=None if model_check is None else model_check_view(model_check),

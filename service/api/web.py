@@ -52,7 +52,7 @@ def create_web_app(
     app.add_middleware(BodyLimit)
     guarded = [Depends(guard(settings))]
     for router in (
-        axes.router(repository),
+        axes.router(repository, settings),
         runs.router(repository, picture, settings),
         checks.router(repository, box, loop, missing, settings),
         models.router(repository, loop, report, settings),

@@ -8,38 +8,27 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import replace
 
 from drivers.accelerometer import Accelerometer, AccelerometerConfig
 from drivers.bus import Bus, BusConfig
 from drivers.busload import frame_bits
 from drivers.buslog import blf
-from drivers.drive import Drive, DriveConfig, DriveMove, start_together
+from drivers.drive import Drive, DriveConfig
 from drivers.errors import DriverError
 from drivers.trace import Frames, Recorder
 from drivers.trace import Trace as BusTrace
-from service.config import HEARTBEAT_PERIOD, AxisSettings, BusSettings, ExcitationSettings, Settings
+from service.config import HEARTBEAT_PERIOD, AxisSettings, BusSettings, Settings
 from service.motion.messages import Progress, Recorded, Steps
-from service.motion.plan import Plan, PlannedStep, plan_steps
+from service.motion.moving import Station, carry_out
+from service.motion.plan import Plan, plan_map, plan_steps
 from service.recording import AxisDescription, Move, Recording, Trace
-
-PROFILE_MARGIN = 1.5
-"""The drive's limits of a step over what the step reaches: a step that meets them is not the planned one."""
 
 
 @contextmanager
 def open_machine(settings: Settings) -> Iterator[BusMachine]:
     """The machine of the configuration; nothing is opened before a run."""
     yield BusMachine(settings)
-
-
-@dataclass(frozen=True)
-class _Station:
-    """One axis of the group, connected."""
-
-    settings: AxisSettings
-    drive: Drive
-    accelerometer: Accelerometer
 
 
 class BusMachine:
@@ -71,21 +60,24 @@ class BusMachine:
             buses = self._open_buses(stack, axes)
             self._logs = [stack.enter_context(bus.recording()) for bus in buses.values()]
             stations = self._connect(stack, buses, axes)
-            excitation, prefer = self._excitation(steps)
-            plan = plan_steps(axes, excitation, _positions(stations), prefer)
+            plan = self._plan(axes, steps, {s.settings.name: s.position() for s in stations})
             recorders = {name: stack.enter_context(bus.recording()) for name, bus in buses.items()}
-            moves = _make_steps(stations, plan, guard, on_progress)
+            moves = carry_out(stations, plan, guard, on_progress)
             _await_recorders(buses, recorders, moves[-1].end)
             frames = {name: recorder.frames() for name, recorder in recorders.items()}
             return self._decode(stations, plan, moves, frames)
 
-    def _excitation(self, steps: Steps | None) -> tuple[ExcitationSettings, int]:
-        """The excitation and the preferred first direction."""
+    def _plan(
+        self, axes: Sequence[AxisSettings], steps: Steps | None, positions: Mapping[str, float]
+    ) -> Plan:
+        """The configured steps at the group's places, or others where it stands."""
         configured = self._settings.excitation
-        if steps is None:
-            return configured, 1
-        changed = {"step_length_m": steps.length, "jerk_m_s3": steps.jerk}
-        return configured.model_copy(update=changed), steps.direction
+        if steps is not None:
+            changed = {"step_length_m": steps.length, "jerk_m_s3": steps.jerk}
+            return plan_steps(axes, configured.model_copy(update=changed), positions, steps.direction)
+        if axes[0].diagnostic_positions_m:
+            return plan_map(axes, configured, self._settings.travel, positions)
+        return plan_steps(axes, configured, positions)
 
     def bus_log(self) -> bytes:
         """All frames of the last run as BLF, from the connection on, one channel per bus; of a failed run too."""
@@ -101,7 +93,7 @@ class BusMachine:
 
     def _connect(
         self, stack: ExitStack, buses: Mapping[str, Bus], axes: Sequence[AxisSettings]
-    ) -> list[_Station]:
+    ) -> list[Station]:
         """Connect the group's drives, and the drive that produces SYNC on their bus, which need not move."""
         drives: dict[str, Drive] = {}
 
@@ -122,14 +114,14 @@ class BusMachine:
             )
             stack.callback(sensor.close)
             sensor.wait_alive()
-            stations.append(_Station(axis, drives[axis.name], sensor))
+            stations.append(Station(axis, drives[axis.name], sensor))
         return stations
 
     def _bus_settings(self, name: str) -> BusSettings:
         return next(bus for bus in self._settings.bus if bus.name == name)
 
     def _decode(
-        self, stations: Sequence[_Station], plan: Plan, moves: Sequence[Move], frames: Mapping[str, Frames]
+        self, stations: Sequence[Station], plan: Plan, moves: Sequence[Move], frames: Mapping[str, Frames]
     ) -> Recorded:
         """Cut by the moves' times, never by the moment the recorders began; place the samples by counters."""
         start, end = moves[0].start - plan.rest, moves[-1].end + plan.rest
@@ -151,10 +143,7 @@ class BusMachine:
             machine=self._settings.machine.name,
             axes=tuple(self._describe(station.settings) for station in stations),
             traces=traces,
-            moves=tuple(
-                Move(move.start - start, move.direction, move.length, move.jerk, move.duration)
-                for move in moves
-            ),
+            moves=tuple(replace(move, start=move.start - start) for move in moves),
             gantry=((plan.axes[0], plan.axes[1]),) if len(plan.axes) == 2 else (),
             note="; ".join(warnings) or None,
         )
@@ -173,48 +162,6 @@ class BusMachine:
                 "acceleration": axis.accelerometer.nominal_rate_hz,
             },
         )
-
-
-def _positions(stations: Sequence[_Station]) -> dict[str, float]:
-    """Where the axes stand [m]."""
-    return {s.settings.name: s.drive.position() * s.settings.transmission for s in stations}
-
-
-def _make_steps(
-    stations: Sequence[_Station],
-    plan: Plan,
-    guard: Callable[[], None],
-    on_progress: Callable[[Progress], None],
-) -> list[Move]:
-    """Enable, make every step, rest after the last, disable; the moves with their start on bus time [s]."""
-    bus = stations[0].drive.bus
-    total = len(plan.steps)
-    moves = []
-    with ExitStack() as enabled:
-        for station in stations:
-            enabled.enter_context(station.drive.enabled())
-        standing_since = bus.time
-        for index, step in enumerate(plan.steps):
-            on_progress(Progress(index, total, f"step {index + 1} of {total}"))
-            _rest(bus, standing_since + plan.rest, guard)
-            started = start_together([(s.drive, _drive_move(s.settings, plan, step)) for s in stations])
-            standing_since = max([station.drive.wait_standstill() for station in stations])
-            for station in stations:
-                station.accelerometer.check()
-            moves.append(Move(started, step.direction, step.length, plan.jerk, plan.duration))
-        on_progress(Progress(total, total, "the axis rests"))
-        _rest(bus, standing_since + plan.rest, guard)
-    return moves
-
-
-def _rest(bus: Bus, until: float, guard: Callable[[], None]) -> None:
-    """Let the axis stand until the bus time ``until`` [s]."""
-
-    def over() -> bool:
-        guard()
-        return bus.time >= until
-
-    bus.wait_until(over, 10 * max(0.0, until - bus.time) + 1.0)
 
 
 def _await_recorders(buses: Mapping[str, Bus], recorders: Mapping[str, Recorder], end: float) -> None:
@@ -267,15 +214,4 @@ def _accelerometer_config(axis: AxisSettings, bus: BusSettings) -> Accelerometer
         direction=sensor.sign,
         delay=sensor.latency_us * 1e-6 + 0.5 / sensor.nominal_rate_hz + frame_bits(8) / bus.bitrate,
         dbc=sensor.dbc,
-    )
-
-
-def _drive_move(axis: AxisSettings, plan: Plan, step: PlannedStep) -> DriveMove:
-    ratio = axis.transmission
-    return DriveMove(
-        target=step.direction * step.length / ratio,
-        speed=min(PROFILE_MARGIN * plan.v_max, axis.velocity_limit_m_s) / ratio,
-        acceleration=min(PROFILE_MARGIN * plan.a_max, axis.acceleration_limit_m_s2) / ratio,
-        jerk=plan.jerk / ratio,
-        duration=plan.duration,
     )

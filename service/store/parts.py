@@ -54,11 +54,16 @@ def _by_product(row: RowMapping) -> ByProduct:
 
 
 class PartStore:
-    """Reads the histories of the by-products of one database."""
+    """Reads the maps and the histories of the by-products of one database."""
 
     def __init__(self, database: Database) -> None:
         """Read from an open database, which stays the caller's to close."""
         self._database = database
+
+    def places(self, value_id: int) -> tuple[PlaceValue, ...]:
+        """Return the map along the rack of one value."""
+        with self._database.reading() as connection:
+            return _places(connection, value_id)
 
     def by_products(self, axis: str, limit: int = 100) -> tuple[ByProductRecord, ...]:
         """Return what the axis' latest accepted, reported values found beside the backlash, the newest first."""

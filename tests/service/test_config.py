@@ -53,6 +53,15 @@ def test_the_environment_overrides_the_file(monkeypatch: pytest.MonkeyPatch) -> 
         ('host = "127.0.0.1"', 'host = "0.0.0.0"', "token_sha256"),
         ("gear_ratio = 10.0", "gear_ratio = -10.0", "greater than 0"),
         ('name = "X"\n', 'name = "Y"\n', "named like an axis"),
+        ("diagnostic_positions_m = [-0.6,", "diagnostic_positions_m = [-0.7485,", "no room for a step"),
+        ("diagnostic_positions_m = [-0.6,", "diagnostic_positions_m = [-0.6, -0.597,", "one place"),
+        (
+            "travel_max_m = 3.0\nvelocity_limit_m_s = 1.5\nacceleration_limit_m_s2 = 10.0\nreference",
+            "travel_max_m = 3.0\nvelocity_limit_m_s = 1.5\nacceleration_limit_m_s2 = 10.0\n"
+            "diagnostic_positions_m = [1.5]\nreference",
+            "give both the same",
+        ),
+        ("jerk_m_s3 = 20.0 ", "jerk_m_s3 = 0.0 ", "greater than 0"),
     ],
 )
 def test_what_cannot_work_is_refused_with_its_reason(tmp_path: Path, old: str, new: str, says: str) -> None:

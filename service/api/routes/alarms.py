@@ -8,9 +8,9 @@ from typing import Annotated
 
 from fastapi import APIRouter, Path, Query, Request, Response
 
+from service.api.alarm_schemas import Acknowledgement, AlarmDetail, Alarms
 from service.api.problems import responses
 from service.api.replies import tagged
-from service.api.schemas import Acknowledgement, AlarmDetail, Alarms
 from service.api.views import alarm_detail, alarm_view
 from service.store.repository import Repository
 

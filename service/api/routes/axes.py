@@ -8,9 +8,11 @@ from typing import Annotated
 from fastapi import APIRouter, Path, Query, Request, Response
 
 from service.api.part_views import by_product_history
+from service.api.ports import WebSettings
 from service.api.problems import responses
 from service.api.replies import read_value_cursor, tagged, value_cursor
-from service.api.schemas import Axes, AxisView, ByProductHistory, HistoryPage
+from service.api.schemas import Axes, AxisView, HistoryPage
+from service.api.value_schemas import ByProductHistory
 from service.api.views import axis_view, value_view
 from service.monitoring.trend import trend
 from service.store.records import DECLARED, AxisRecord, ValueRecord
@@ -21,21 +23,21 @@ Cursor = Annotated[str | None, Query(description="next_cursor of the page before
 Limit = Annotated[int, Query(ge=1, le=500, description="How many values at most.")]
 
 
-def router(repository: Repository) -> APIRouter:
+def router(repository: Repository, settings: WebSettings) -> APIRouter:
     """Build the routes of the axes."""
     api = APIRouter(prefix="/axes", tags=["axes"])
 
     @api.get("", response_model=Axes, responses=responses(), summary="All axes as they stand now")
     def axes(request: Request) -> Response:
         """List the configured axes with current value, interval, trend and alarms."""
-        return tagged(request, Axes(items=[_view(repository, axis) for axis in repository.axes()]))
+        return tagged(request, Axes(items=[_view(repository, settings, axis) for axis in repository.axes()]))
 
     @api.get(
         "/{name}", response_model=AxisView, responses=responses(404), summary="One axis as it stands now"
     )
     def axis(request: Request, name: AxisName) -> Response:
         """Show one axis with current value, interval, trend and alarms."""
-        return tagged(request, _view(repository, repository.axis(name)))
+        return tagged(request, _view(repository, settings, repository.axis(name)))
 
     @api.get(
         "/{name}/history", response_model=HistoryPage, responses=responses(404), summary="An axis' values"
@@ -58,7 +60,7 @@ def router(repository: Repository) -> APIRouter:
     return api
 
 
-def _view(repository: Repository, axis: AxisRecord) -> AxisView:
+def _view(repository: Repository, settings: WebSettings, axis: AxisRecord) -> AxisView:
     models = repository.models
     accepted = repository.values(axis.name, limit=1, accepted=True)
     declared = repository.values(axis.name, limit=1, accepted=True, series=DECLARED)
@@ -69,6 +71,8 @@ def _view(repository: Repository, axis: AxisRecord) -> AxisView:
         _with_trend(repository, next(iter(accepted), None)),
         next(iter(latest), None),
         repository.alarms(axis=axis.name),
+        diagnostic_positions=settings.diagnostic_positions.get(axis.name, ()),
+        by_place=repository.parts.places(accepted[0].id) if accepted else (),
         declared=next(iter(declared), None) if axis.series != DECLARED else None,
         model_check=next(checks, None),
         revision=models.in_force(axis.name),

@@ -2,6 +2,7 @@
 
 import { curve } from "./chart.js";
 import { el, getJson, interval, openPage, um, when } from "./dom.js";
+import { alongRack } from "./map.js";
 
 const STATES = {
   normal: ["No alarm", ""],
@@ -30,7 +31,7 @@ export async function card(axis, axes, actions) {
   return el("article", { class: `card ${axis.alarm_state}`, "aria-label": `Axis ${axis.name}` },
     head(axis), value(axis), trend(axis), refusal(axis), model(axis), ...axis.proposed.map((r) => proposal(r, actions)),
     ...axis.alarms.map((a) => alarm(a, actions)),
-    curve(axis, values), checkButton(axis, axes, actions));
+    curve(axis, values), map(axis), checkButton(axis, axes, actions));
 }
 
 function head(axis) {
@@ -98,6 +99,12 @@ function slope(now) {
   if (low <= 0 && high >= 0) return "steady";
   const month = now.slope_m_per_day * 30;
   return `${month > 0 ? "growing" : "shrinking"} ${um(Math.abs(month))} µm a month`;
+}
+
+// Where along the rack the gap is how wide; nothing where it was measured at one place.
+function map(axis) {
+  if (axis.by_place.length === 0) return null;
+  return el("figure", {}, el("figcaption", { class: "soft" }, "Along the rack"), alongRack(axis));
 }
 
 function refusal(axis) {

@@ -2,9 +2,9 @@
 
 import { day, svg, um } from "./dom.js";
 
-const WIDTH = 380;
-const HEIGHT = 150;
-const BOX = { left: 38, right: 8, top: 10, bottom: 20 };
+export const WIDTH = 380;
+export const HEIGHT = 150;
+export const BOX = { left: 38, right: 8, top: 10, bottom: 20 };
 
 export function curve(axis, values) {
   const shown = [...values].reverse();
@@ -13,16 +13,23 @@ export function curve(axis, values) {
     root.append(svg("text", { x: WIDTH / 2, y: HEIGHT / 2, "text-anchor": "middle" }, "no values yet"));
     return root;
   }
-  const scale = scales(axis, shown);
-  drawBand(root, axis, scale);
-  shown.forEach((value, index) => drawValue(root, value, index, scale));
-  drawTrend(root, shown, scale);
-  drawLabels(root, shown, scale);
+  const by = scales(axis, shown);
+  drawBand(root, axis, by);
+  shown.forEach((value, index) => drawValue(root, value, index, by, `run ${value.run_id}`));
+  drawTrend(root, shown, by);
+  drawHeights(root, by);
+  drawDays(root, shown);
   return root;
 }
 
 // Values stand at even distances, in their order: nights are even, and a row of checks on one day stays readable.
 function scales(axis, shown) {
+  const step = (WIDTH - BOX.left - BOX.right) / Math.max(1, shown.length);
+  return scale(axis, shown, (index) => BOX.left + step * (index + 0.5));
+}
+
+// Heights for values with their intervals, trend levels and the band of the axis; `x` tells where across.
+export function scale(axis, shown, x) {
   const numbers = shown.flatMap((v) => [v.backlash_m, ...(v.interval_95_m ?? []), v.trend?.level_m]);
   if (axis.reference_m !== null && axis.tolerance_m !== null) {
     numbers.push(axis.reference_m - axis.tolerance_m, axis.reference_m + axis.tolerance_m);
@@ -32,15 +39,10 @@ function scales(axis, shown) {
   const high = known.length ? Math.max(...known) : 1e-6;
   const margin = Math.max(0.08 * (high - low), 0.5e-6);
   const [bottom, top] = [Math.max(0, low - margin), high + margin];
-  const step = (WIDTH - BOX.left - BOX.right) / Math.max(1, shown.length);
-  return {
-    bottom, top,
-    x: (index) => BOX.left + step * (index + 0.5),
-    y: (metres) => HEIGHT - BOX.bottom - ((metres - bottom) / (top - bottom)) * (HEIGHT - BOX.top - BOX.bottom),
-  };
+  return { bottom, top, x, y: (metres) => HEIGHT - BOX.bottom - ((metres - bottom) / (top - bottom)) * (HEIGHT - BOX.top - BOX.bottom) };
 }
 
-function drawBand(root, axis, { y }) {
+export function drawBand(root, axis, { y }) {
   if (axis.reference_m === null) return;
   const line = (metres, name) =>
     svg("line", { class: name, x1: BOX.left, x2: WIDTH - BOX.right, y1: y(metres), y2: y(metres) });
@@ -54,12 +56,13 @@ function drawBand(root, axis, { y }) {
   root.append(line(axis.reference_m, "reference"));
 }
 
-function drawValue(root, value, index, { x, y }) {
+// A value with its interval, or a cross at the foot where it was refused; `of` says whose it is.
+export function drawValue(root, value, index, { x, y }, of) {
   const at = x(index);
   if (value.backlash_m === null) {
     const foot = HEIGHT - BOX.bottom - 6;
     root.append(svg("path", { class: "refused", d: `M${at - 4} ${foot - 4}l8 8m0 -8l-8 8` },
-      svg("title", {}, `run ${value.run_id} refused: ${value.reason_in_words}`)));
+      svg("title", {}, `${of} refused: ${value.reason_in_words}`)));
     return;
   }
   if (value.interval_95_m) {
@@ -67,7 +70,7 @@ function drawValue(root, value, index, { x, y }) {
     root.append(svg("line", { class: "bar", x1: at, x2: at, y1: y(low), y2: y(high) }));
   }
   root.append(svg("circle", { class: "point", cx: at, cy: y(value.backlash_m), r: 2.6 },
-    svg("title", {}, `run ${value.run_id}: ${um(value.backlash_m)} µm`)));
+    svg("title", {}, `${of}: ${um(value.backlash_m)} µm`)));
 }
 
 function drawTrend(root, shown, { x, y }) {
@@ -75,11 +78,16 @@ function drawTrend(root, shown, { x, y }) {
   if (points.length > 1) root.append(svg("polyline", { class: "trend", points: points.join(" ") }));
 }
 
-function drawLabels(root, shown, { bottom, top, y }) {
-  for (const metres of ticks(bottom, top)) {
-    root.append(svg("text", { x: BOX.left - 6, y: y(metres) + 4, "text-anchor": "end" }, um(metres, 0)));
+export function drawHeights(root, { bottom, top, y }) {
+  const marks = ticks(bottom, top);
+  const digits = marks.length > 1 && marks[1] - marks[0] < 0.99e-6 ? 1 : 0;
+  for (const metres of marks) {
+    root.append(svg("text", { x: BOX.left - 6, y: y(metres) + 4, "text-anchor": "end" }, um(metres, digits)));
   }
   root.append(svg("text", { x: 2, y: BOX.top }, "µm"));
+}
+
+function drawDays(root, shown) {
   const ends = [shown[0], shown.at(-1)].map((v) => day(Date.parse(v.measured_at)));
   root.append(svg("text", { x: BOX.left, y: HEIGHT - 5 }, ends[0]));
   if (shown.length > 1) root.append(svg("text", { x: WIDTH - BOX.right, y: HEIGHT - 5, "text-anchor": "end" }, ends[1]));

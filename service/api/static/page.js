@@ -14,7 +14,9 @@ const actions = {
   blocked: () => state.status === null || state.status.progress !== null || state.status.not_ready.length > 0,
 
   async check(axis, moving) {
-    $("check-text").textContent = `${moving.join(" and ")} will make a row of short, sharp steps. `
+    const places = axis.diagnostic_positions_m;
+    const where = places.length ? `travel to ${places.map((m) => `${m.toFixed(3)} m`).join(", ")} and back, and at each place ` : "";
+    $("check-text").textContent = `${moving.join(" and ")} will ${where}make a row of short, sharp steps. `
       + "Make sure that nobody is in the machine, that it is idle, and that the way is free.";
     if (!(await confirmed($("check-dialog")))) return;
     const key = crypto.randomUUID?.() ?? `${Date.now()}-${Math.random()}`;
@@ -62,9 +64,8 @@ function showMachine(status) {
   const bar = $("machine-progress");
   bar.hidden = progress === null || progress.total === 0;
   if (!bar.hidden) [bar.max, bar.value] = [progress.total, progress.done];
-  const steps = progress?.total ? `, step ${progress.done} of ${progress.total}` : "";
   $("machine-text").textContent = progress === null ? (status.not_ready.length ? "Not ready" : "Ready")
-    : `Checking ${progress.target}: ${progress.phase}${steps}`;
+    : `Checking ${progress.target}: ${progress.phase}`;
   $("version").textContent = `Flankwatch ${status.version}`;
 }
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from fastapi.testclient import TestClient
 
-from service.backlash.results import AxisResult, Reason, StepResult
+from service.backlash.results import AxisResult, PlaceValue, Reason, StepResult
 from service.monitoring.alarm import Band, judge
 from service.runs.deciding import AxisGoneError
 from service.runs.pairs import NothingToExplain
@@ -122,6 +122,23 @@ def run_night(repository: Repository, day: int, b: float | None) -> int:
     changes = [AlarmChange("X1", change) for change in judged.changes]
     capture = CaptureFile(f"night-{day}.parquet", "5" * 64)
     repository.finish_run(RunEnd(answer.run_id, "ok", at, capture=capture), outcomes, changes)
+    return answer.run_id
+
+
+def run_map(repository: Repository, day: int) -> int:
+    """Store a check of Y at three places along its rack, refused at the last."""
+    at = NOON + timedelta(days=day)
+    answer = repository.queue_run(RunOrder("on_demand", "Y", "Y", ("Y",), at))
+    assert isinstance(answer, Queued)
+    places = (
+        PlaceValue(-0.6, "ok", None, None, 40e-6, (39e-6, 41e-6)),
+        PlaceValue(0.0, "ok", None, None, 47e-6, (45e-6, 48e-6)),
+        PlaceValue(0.6, "refused", Reason.MISFIT, "something is loose"),
+    )
+    steps = (StepResult(0, 1, "ok", backlash=40e-6, t1=0.1, t2=0.2, position=-0.6),)
+    value = AxisResult("Y", "ok", "paper", None, None, 43e-6, (42e-6, 44e-6), steps, by_place=places)
+    end = RunEnd(answer.run_id, "ok", at, capture=CaptureFile("map.parquet", "5" * 64))
+    repository.finish_run(end, [AxisOutcome(value)])
     return answer.run_id
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 import uvicorn
 
-from tests.service.api.house import House
+from tests.service.api.house import House, run_map
 from tests.service.api.test_models import proposed
 
 CHROMIUM = Path("/usr/bin/chromium")
@@ -92,4 +92,14 @@ def test_the_page_fits_a_narrow_screen_and_opens_a_run(page: Any) -> None:
     page.locator(".run-head").first.click()
     page.wait_for_selector(".run-body table")
     assert page.locator(".run-body tbody tr").count() == 10
+    assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0
+
+
+def test_a_technician_sees_where_the_rack_is_worn(page: Any, nights: House, tmp_path: Path) -> None:
+    run_map(nights.repository, 30)
+    map_of_y = page.get_by_role("img", name="Y along the rack")
+    map_of_y.wait_for()
+    assert "at 0.00 m 47.0 (45.0 to 48.0) µm" in map_of_y.get_attribute("aria-label")
+    assert "at 0.60 m no value" in map_of_y.get_attribute("aria-label")
+    page.screenshot(path=str(tmp_path / "map.png"), full_page=True)
     assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.service.api.house import SVG, House, run_night
+from tests.service.api.house import SVG, House, run_map, run_night
 
 
 def test_an_axis_shows_value_interval_trend_and_alarm(nights: House) -> None:
@@ -128,3 +128,16 @@ def test_a_picture_of_a_step(nights: House) -> None:
     assert "default-src 'none'" in response.headers["Content-Security-Policy"]
     missing = nights.client.get("/api/v1/runs/1/picture?axis=X1&step=99")
     assert (missing.status_code, missing.json()["title"]) == (404, "Nothing to show")
+
+
+def test_an_axis_shows_the_map_of_its_current_value(house: House) -> None:
+    house.client = house.rebuild(diagnostic_positions={"Y": (-0.6, 0.0, 0.6)})
+    assert house.get("/api/v1/axes/Y")["by_place"] == []
+    run_map(house.repository, 0)
+    axis = house.get("/api/v1/axes/Y")
+    assert axis["diagnostic_positions_m"] == [-0.6, 0.0, 0.6]
+    assert [(p["position_m"], p["backlash_m"]) for p in axis["by_place"]] == [
+        (-0.6, 40e-6), (0.0, 47e-6), (0.6, None),
+    ]  # fmt: skip
+    assert "loose" in axis["by_place"][2]["reason_in_words"]
+    assert house.get("/api/v1/axes/X1")["diagnostic_positions_m"] == []
