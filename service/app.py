@@ -78,6 +78,9 @@ class House:
                 for axis in self.settings.axis
                 if axis.diagnostic_positions_m
             },
+            moved_masses={
+                axis.name: axis.moved_mass_kg for axis in self.settings.axis if axis.moved_mass_kg is not None
+            },
         )
         picture = partial(draw_step, self.workshop)
         return create_web_app(

@@ -42,6 +42,7 @@ def collect(repository: Repository, version: str, missing: Sequence[str], busy: 
         Family("flankwatch_busy", "1 while a check waits or moves.", [((), float(busy))]),
         *_axis_families(axes),
         *_value_families(measured),
+        _by_products(repository, axes),
         _alarms(repository, axes),
         Family(
             "flankwatch_runs_total", "Finished runs by how they ended.", _runs(repository), kind="counter"
@@ -68,6 +69,16 @@ def _value_families(measured: Sequence[tuple[AxisRecord, ValueRecord]]) -> Itera
     yield Family("flankwatch_trend_metres", "Median of the last accepted values.", levels)
     at = [(_axis(axis), value.measured_at.timestamp()) for axis, value in measured]
     yield Family("flankwatch_measured_timestamp_seconds", "When the latest accepted value was measured.", at)
+
+
+def _by_products(repository: Repository, axes: Sequence[AxisRecord]) -> Family:
+    """The latest of each; the unit is a label, since each name has its own."""
+    samples: list[Sample] = []
+    for axis in axes:
+        for record in repository.parts.by_products(axis.name, limit=1):
+            labels = (*_axis(axis), ("name", record.product.name), ("unit", record.product.unit))
+            samples.append((labels, record.product.value))
+    return Family("flankwatch_by_product", "Stiffness, friction, skew of the latest accepted value.", samples)
 
 
 def _alarms(repository: Repository, axes: Sequence[AxisRecord]) -> Family:

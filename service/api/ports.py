@@ -55,13 +55,15 @@ class WebSettings:
     ``token_sha256`` is the SHA-256 (hexadecimal) of the bearer token that every call must carry, None for
     none: right on loopback only. Without a token only requests to a name in ``hosts`` are answered, so that
     no web site can reach the machine through a technician's browser (DNS rebinding).
-    ``diagnostic_positions`` is where along its rack a check of an axis steps [m], for those that travel.
+    ``diagnostic_positions`` is where along its rack a check of an axis steps [m], for those that travel;
+    ``moved_masses`` are the masses that are configured, by axis [kg].
     """
 
     version: str
     captures_folder: Path
     token_sha256: str | None = None
     diagnostic_positions: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    moved_masses: Mapping[str, float] = field(default_factory=dict)
     hosts: tuple[str, ...] = ("127.0.0.1", "localhost", "[::1]")
 
 

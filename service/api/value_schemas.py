@@ -95,6 +95,14 @@ class PlaceView(Reasoned):
     interval_95_m: Interval | None = Field(description="95 % interval of it [m]; null when refused.")
 
 
+class ShownValue(Schema):
+    """A by-product of one run, in a unit of the workshop."""
+
+    unit: str = Field(description="The unit of both numbers; per kg where no mass is configured.")
+    value: float = Field(description="The value, in `unit`.")
+    std: float = Field(description="Its standard deviation, in `unit`.")
+
+
 class ByProductView(Schema):
     """Another parameter of the axis' model that the run determined."""
 
@@ -103,7 +111,9 @@ class ByProductView(Schema):
         description="Its value, in `unit`; stiffness and friction per kilogram of moved mass."
     )
     std: float = Field(description="Its standard deviation, in `unit`.")
-    unit: str = Field(description="The unit.")
+    unit: str = Field(description="The SI unit.")
+    label: str = Field(description="Its name in a technician's words.")
+    shown: ShownValue = Field(description="The same in a unit of the workshop.")
 
 
 class ResultView(ValueView):
@@ -124,17 +134,36 @@ class ByProductPoint(Schema):
     std: float = Field(description="Its standard deviation, in the series' unit.")
 
 
+class ShownTrend(Schema):
+    """Where a by-product stands, in a unit of the workshop."""
+
+    unit: str = Field(description="The unit of `level` and its interval; per kg where no mass is configured.")
+    level: float = Field(description="The median of the last nine values, in `unit`.")
+    level_interval_95: Interval | None = Field(
+        description="95 % interval of the level, in `unit`; null below six values."
+    )
+    trend_in_words: str = Field(
+        description="'steady', growing or falling by how much a month, or why there is none."
+    )
+
+
 class ByProductSeries(Schema):
     """The history of one by-product of an axis."""
 
     name: str = Field(description="Which parameter.")
-    unit: str = Field(description="The unit of all values here.")
+    unit: str = Field(description="The SI unit of all values here but those under `shown`.")
+    label: str = Field(description="Its name in a technician's words.")
+    says: str = Field(description="What a change of it means; empty where that is not known.")
+    shown: ShownTrend = Field(description="Where it stands, in a unit of the workshop.")
     level: float = Field(description="Where it stands: the median of the last nine values.")
     level_interval_95: Interval | None = Field(
         description="95 % interval of the level; null below six values."
     )
     slope_per_day: float | None = Field(
         description="Theil-Sen slope a day; null below nine values or a week."
+    )
+    slope_interval_95_per_day: Interval | None = Field(
+        description="95 % interval of the slope a day; null where the slope is."
     )
     items: list[ByProductPoint] = Field(description="The values, the newest first.")
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from service.api.alarm_schemas import AlarmDetail, AlarmEventView, AlarmState, AlarmView
+from service.api.by_products import by_product_view
 from service.api.model_schemas import ComputingView
 from service.api.model_views import model_check_view, revision_view, steps_view
 from service.api.part_views import direction_view, place_view
 from service.api.schemas import AxisView, ProgressView, RunDetail, RunView
-from service.api.value_schemas import ByProductView, ResultView, StepView, TrendView, ValueView
+from service.api.value_schemas import ResultView, StepView, TrendView, ValueView
 from service.api.words import in_words
 from service.backlash.results import PlaceValue, StepResult
 from service.monitoring.trend import Trend
@@ -76,15 +77,15 @@ def step_view(step: StepResult) -> StepView:
     )
 
 
-def result_view(value: ValueRecord) -> ResultView:
-    """Show one answer with its steps and what else it says."""
+def result_view(value: ValueRecord, masses: Mapping[str, float]) -> ResultView:
+    """Show one answer with its steps and what else it says; ``masses`` are the moved ones, by axis [kg]."""
     result = value.outcome.result
     return ResultView(
         **dict(value_view(value)),
         steps=[step_view(step) for step in result.steps],
         by_direction=[direction_view(part) for part in result.by_direction],
         by_place=[place_view(part) for part in result.by_place],
-        by_products=[ByProductView(**vars(product)) for product in result.by_products],
+        by_products=[by_product_view(product, masses.get(result.axis)) for product in result.by_products],
     )
 
 
@@ -177,12 +178,15 @@ def run_view(run: RunRecord) -> RunView:
 
 
 def run_detail(
-    run: RunRecord, found: Sequence[ValueRecord], checks: Sequence[ExplanationRecord] = ()
+    run: RunRecord,
+    found: Sequence[ValueRecord],
+    checks: Sequence[ExplanationRecord],
+    masses: Mapping[str, float],
 ) -> RunDetail:
     """Show a run with all that it found."""
     return RunDetail(
         **dict(run_view(run)),
-        results=[result_view(value) for value in found],
+        results=[result_view(value, masses) for value in found],
         other_steps=steps_view(run.steps),
         model_checks=[model_check_view(one) for one in checks],
     )

@@ -87,6 +87,7 @@ class AxisSettings(Section):
     """One axis, positions in the coordinates of the drive: travel, limits, and what it is measured against.
 
     ``diagnostic_positions_m`` are the middles of the steps; empty: the axis steps where it stands.
+    ``moved_mass_kg`` serves to show stiffness and friction, which are found per kilogram; of a gantry its half.
     """
 
     name: Name
@@ -106,6 +107,7 @@ class AxisSettings(Section):
     jerk_lsb_rad_s3: Positive = 1.0
     reference_um: Positive | None = None
     tolerance_um: Positive = 20.0
+    moved_mass_kg: Positive | None = None
     diagnostic_positions_m: tuple[Finite, ...] = Field(default=(), max_length=50)
     accelerometer: AccelerometerSettings
 

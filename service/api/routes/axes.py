@@ -7,7 +7,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Path, Query, Request, Response
 
-from service.api.part_views import by_product_history
+from service.api.by_products import by_product_history
 from service.api.ports import WebSettings
 from service.api.problems import responses
 from service.api.replies import read_value_cursor, tagged, value_cursor
@@ -55,7 +55,7 @@ def router(repository: Repository, settings: WebSettings) -> APIRouter:
     def by_products(request: Request, name: AxisName, limit: Limit = 100) -> Response:
         """List what the accepted runs found beside the backlash, one series per parameter."""
         found = repository.parts.by_products(repository.axis(name).name, limit)
-        return tagged(request, by_product_history(found))
+        return tagged(request, by_product_history(found, settings.moved_masses.get(name)))
 
     return api
 

@@ -45,7 +45,7 @@ def router(repository: Repository, picture: Picture, settings: WebSettings) -> A
     )
     def run(request: Request, run_id: RunId) -> Response:
         """Show a run: each axis' answer by each method, each step, the reason of each refusal."""
-        return tagged(request, _detail(repository, run_id))
+        return tagged(request, _detail(repository, settings, run_id))
 
     @api.get(
         "/{run_id}/capture",
@@ -74,9 +74,9 @@ def router(repository: Repository, picture: Picture, settings: WebSettings) -> A
     return api
 
 
-def _detail(repository: Repository, run_id: int) -> RunDetail:
+def _detail(repository: Repository, settings: WebSettings, run_id: int) -> RunDetail:
     checks = repository.models.explanations(run_id=run_id)
-    return run_detail(repository.run(run_id), repository.outcomes(run_id), checks)
+    return run_detail(repository.run(run_id), repository.outcomes(run_id), checks, settings.moved_masses)
 
 
 def _capture(run: RunRecord, settings: WebSettings) -> FileResponse:

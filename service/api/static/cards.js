@@ -3,6 +3,7 @@
 import { curve } from "./chart.js";
 import { el, getJson, interval, openPage, um, when } from "./dom.js";
 import { alongRack } from "./map.js";
+import { byProducts } from "./products.js";
 
 const STATES = {
   normal: ["No alarm", ""],
@@ -16,22 +17,25 @@ const HISTORY = 90;
 
 const histories = new Map();
 
-// The history of an axis, fetched again only when it has a new answer.
+// The histories of an axis, fetched again only when it has a new answer.
 async function history(axis) {
   const mark = `${axis.series}/${axis.latest?.run_id}/${axis.latest?.method}`;
   const known = histories.get(axis.name);
-  if (known?.mark === mark) return known.items;
-  const page = await getJson(`/api/v1/axes/${encodeURIComponent(axis.name)}/history?limit=${HISTORY}`);
-  histories.set(axis.name, { mark, items: page.items });
-  return page.items;
+  if (known?.mark === mark) return known;
+  const path = `/api/v1/axes/${encodeURIComponent(axis.name)}`;
+  const [values, products] = await Promise.all(
+    ["history", "by-products"].map((what) => getJson(`${path}/${what}?limit=${HISTORY}`)));
+  const found = { mark, values: values.items, products: products.items };
+  histories.set(axis.name, found);
+  return found;
 }
 
 export async function card(axis, axes, actions) {
-  const values = await history(axis);
+  const { values, products } = await history(axis);
   return el("article", { class: `card ${axis.alarm_state}`, "aria-label": `Axis ${axis.name}` },
     head(axis), value(axis), trend(axis), refusal(axis), model(axis), ...axis.proposed.map((r) => proposal(r, actions)),
     ...axis.alarms.map((a) => alarm(a, actions)),
-    curve(axis, values), map(axis), checkButton(axis, axes, actions));
+    curve(axis, values), map(axis), byProducts(axis, products), checkButton(axis, axes, actions));
 }
 
 function head(axis) {

@@ -22,6 +22,10 @@ export function svg(tag, attributes = {}, ...children) {
 
 export const um = (metres, digits = 1) => (metres * 1e6).toFixed(digits);
 
+// To a few digits, without an exponent for what a workshop measures.
+export const rounded = (value, digits = 3) =>
+  (Math.abs(value) >= 10 ** digits ? value.toFixed(0) : Number(value.toPrecision(digits)).toString());
+
 // The half width where value ± half is true to a digit, both ends where it is not.
 export function interval(value, ends) {
   if (!ends) return "";

@@ -1,6 +1,6 @@
 // The list of runs; one opens to its values, steps and pictures.
 
-import { el, getBlobUrl, getJson, interval, openPage, um, when } from "./dom.js";
+import { el, getBlobUrl, getJson, interval, openPage, rounded, um, when } from "./dom.js";
 
 const STATES = { queued: "waiting", running: "moving", ok: "measured", refused: "refused", failed: "failed" };
 
@@ -74,7 +74,7 @@ function meaning(result) {
     parts.push(table("Along the rack", ["Position", "Backlash"], result.by_place.map(place)));
   }
   if (result.by_products.length) {
-    const row = (p) => [p.name.replaceAll("_", " "), `${p.value.toPrecision(3)} ± ${p.std.toPrecision(1)} ${p.unit}`];
+    const row = ({ label, shown }) => [label, `${rounded(shown.value)} ± ${rounded(shown.std, 1)} ${shown.unit}`];
     parts.push(table("Found beside it", ["Parameter", "Value"], result.by_products.map(row)));
   }
   return parts;

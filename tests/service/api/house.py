@@ -10,7 +10,7 @@ from typing import Any
 
 from fastapi.testclient import TestClient
 
-from service.backlash.results import AxisResult, PlaceValue, Reason, StepResult
+from service.backlash.results import AxisResult, ByProduct, PlaceValue, Reason, StepResult
 from service.monitoring.alarm import Band, judge
 from service.runs.deciding import AxisGoneError
 from service.runs.pairs import NothingToExplain
@@ -139,6 +139,22 @@ def run_map(repository: Repository, day: int) -> int:
     value = AxisResult("Y", "ok", "paper", None, None, 43e-6, (42e-6, 44e-6), steps, by_place=places)
     end = RunEnd(answer.run_id, "ok", at, capture=CaptureFile("map.parquet", "5" * 64))
     repository.finish_run(end, [AxisOutcome(value)])
+    return answer.run_id
+
+
+def run_products(repository: Repository, day: int, stiffness: float) -> int:
+    """Store a check of Y that found a contact stiffness [N/(m kg)], a steady friction and a skew beside it."""
+    at = NOON + timedelta(days=day)
+    answer = repository.queue_run(RunOrder("on_demand", "Y", "Y", ("Y",), at))
+    assert isinstance(answer, Queued)
+    wobble = (-1) ** day
+    products = (
+        ByProduct("contact_stiffness", stiffness, 1e4, "N/(m kg)"),
+        ByProduct("coulomb_friction", 1.0 + 0.01 * wobble, 0.02, "N/kg"),
+        ByProduct("skew", 2e-6 * wobble, 1e-6, "s"),
+    )
+    value = AxisResult("Y", "ok", "model_fit", None, None, 43e-6, (42e-6, 44e-6), by_products=products)
+    repository.finish_run(RunEnd(answer.run_id, "ok", at), [AxisOutcome(value)])
     return answer.run_id
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 import uvicorn
 
-from tests.service.api.house import House, run_map
+from tests.service.api.house import House, run_map, run_products
 from tests.service.api.test_models import proposed
 
 CHROMIUM = Path("/usr/bin/chromium")
@@ -103,3 +103,16 @@ def test_a_technician_sees_where_the_rack_is_worn(page: Any, nights: House, tmp_
     assert "at 0.60 m no value" in map_of_y.get_attribute("aria-label")
     page.screenshot(path=str(tmp_path / "map.png"), full_page=True)
     assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0
+
+
+def test_a_planner_opens_the_trends_beside_the_backlash(page: Any, nights: House, tmp_path: Path) -> None:
+    for day in range(30, 60):
+        run_products(nights.repository, day, 7e5 * (1.0 - 0.005 * (day - 55)))
+    summary = page.get_by_text("Stiffness and friction: contact stiffness falling 15 % a month")
+    summary.click()
+    assert page.locator(".products li").count() == 3
+    page.screenshot(path=str(tmp_path / "products.png"), full_page=True)
+    assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0
+    run_map(nights.repository, 61)
+    page.get_by_role("img", name="Y along the rack").wait_for()
+    assert page.locator(".products[open]").count() == 1, "open tables stay open when the card is drawn anew"

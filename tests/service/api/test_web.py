@@ -231,7 +231,9 @@ def test_the_page_asks_nobody_else(house: House) -> None:
         text = house.client.get(script).text
         assert "http://www.w3.org/2000/svg" in text or "://" not in text.replace("// ", ""), script
         scripts |= {f"/static/{name}" for name in re.findall(r'from "\./([a-z]+\.js)"', text)}
-    assert seen == {f"/static/{name}.js" for name in ("page", "cards", "chart", "dom", "map", "runs")}
+    assert seen == {
+        f"/static/{name}.js" for name in ("page", "cards", "chart", "dom", "map", "products", "runs")
+    }
     assert set(links.labelled) <= set(links.ids)
 
 
