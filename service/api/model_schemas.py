@@ -104,6 +104,9 @@ class ModelCheckView(Schema):
     requested_at: datetime = Field(description=f"When it was asked for ({UTC_TIME}).")
     finished_at: datetime | None = Field(description=f"When it ended ({UTC_TIME}); null before.")
     in_words: dict[str, str] = Field(description="By axis, what was found, in a technician's words.")
+    separating_moves: dict[str, SeparatingMoveView] = Field(
+        description="By axis, the move that tells apart what looks alike; ask for it with POST /moves."
+    )
     report: str | None = Field(description="Address of the page about it; null without a finding.")
 
 
@@ -145,6 +148,9 @@ class RevisionView(Schema):
     state: Literal["proposed", "accepted", "rejected"] = Field(description="Where it stands.")
     effects: list[str] = Field(description="What it adds to the declared model, the strongest first.")
     in_words: str = Field(description="The finding in a technician's words.")
+    separating_move: SeparatingMoveView | None = Field(
+        description="The move that would tell its effect from one that looks alike; null where none does."
+    )
     series: str = Field(description="Series of the values that are computed with it, once it is accepted.")
     backlash_before_m: float | None = Field(
         description="Backlash by the declared model [m], in the run that judged."

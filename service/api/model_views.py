@@ -9,6 +9,7 @@ from service.api.model_schemas import (
     ModelCheckView,
     RevisionDetail,
     RevisionView,
+    SeparatingMoveView,
     StepsView,
 )
 from service.report.words import finding_in_words
@@ -31,6 +32,11 @@ def model_check_view(record: ExplanationRecord) -> ModelCheckView:
         requested_at=record.requested_at,
         finished_at=record.finished_at,
         in_words={axis["axis"]: finding_in_words(axis) for axis in axes},
+        separating_moves={
+            axis["axis"]: SeparatingMoveView.model_validate(axis["separating_move"])
+            for axis in axes
+            if axis.get("separating_move")
+        },
         report=f"{EXPLANATIONS}/{record.id}/report" if record.found is not None else None,
     )
 
@@ -44,12 +50,14 @@ def explanation_view(record: ExplanationRecord) -> ExplanationView:
 def revision_view(record: RevisionRecord) -> RevisionView:
     """Show a revision in short."""
     finding = record.finding
+    move = finding.get("separating_move")
     return RevisionView(
         id=record.id,
         axis=record.axis,
         state=record.state,
         effects=list(record.effects),
         in_words=finding_in_words(finding),
+        separating_move=SeparatingMoveView.model_validate(move) if move else None,
         series=record.series,
         backlash_before_m=finding["before"]["backlash_m"],
         backlash_after_m=finding["after"]["backlash_m"],

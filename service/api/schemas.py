@@ -85,6 +85,9 @@ class RunView(Reasoned):
     requested_at: datetime = Field(description=f"When it was asked for ({UTC_TIME}).")
     started_at: datetime | None = Field(description=f"When it began to move ({UTC_TIME}); null before.")
     finished_at: datetime | None = Field(description=f"When it ended ({UTC_TIME}); null before.")
+    other_steps: StepsView | None = Field(
+        description="The steps it made where they were not the configured ones: its values measure nothing."
+    )
     capture_sha256: str | None = Field(
         description="SHA-256 of its capture, hexadecimal; null without a capture."
     )
@@ -94,9 +97,6 @@ class RunDetail(RunView):
     """A run with all that it found."""
 
     results: list[ResultView] = Field(description="Each axis' answer by each method, with its steps.")
-    other_steps: StepsView | None = Field(
-        description="The steps it made where they were not the configured ones: its values measure nothing."
-    )
     model_checks: list[ModelCheckView] = Field(
         description="What the models lacked in this run, the newest verdict first."
     )

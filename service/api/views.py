@@ -173,6 +173,7 @@ def run_view(run: RunRecord) -> RunView:
         reason=run.reason,
         reason_in_words=in_words(run.reason),
         detail=run.detail,
+        other_steps=steps_view(run.steps),
         capture_sha256=None if run.capture is None else run.capture.sha256,
     )
 
@@ -187,7 +188,6 @@ def run_detail(
     return RunDetail(
         **dict(run_view(run)),
         results=[result_view(value, masses) for value in found],
-        other_steps=steps_view(run.steps),
         model_checks=[model_check_view(one) for one in checks],
     )
 

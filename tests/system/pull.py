@@ -18,10 +18,19 @@ from service.identification.explanation import (
     Explanation,
     Parameter,
     Prediction,
+    SeparatingMove,
 )
 from service.recording import Recording
 from service.runs.analysis import Analysis, Results
 from service.runs.revised import by_explaining
+
+ORDINARY = 0.004
+"""Length of the configured steps [m]: in them a constant force looks like friction that differs by direction."""
+
+RIVALS = (("asymmetric_friction", "constant_force"),)
+SLOWER = SeparatingMove(
+    0.004 * 2, 50.0, -1, "as before", "a slow reversal keeps a force and turns friction over"
+)
 
 MISSING_FROM = 8.0
 """Mean force [N] from which it is found."""
@@ -42,6 +51,7 @@ def _axis(train: Recording, validate: Recording, axis: str) -> AxisExplanation:
     there = [abs(pull(one, axis)) > MISSING_FROM for one in (train, validate)]
     before = _report(train, axis, 0.1 if any(there) else 0.03)
     trace = validate.traces[axis, "acceleration"]
+    alike = all(there) and validate.moves[0].length == ORDINARY
     return AxisExplanation(
         axis,
         "acceleration",
@@ -50,6 +60,8 @@ def _axis(train: Recording, validate: Recording, axis: str) -> AxisExplanation:
         before,
         replace(before, train_rms=0.03, validation_rms=0.03),
         effects=("asymmetric_friction",) if all(there) else (),
+        indistinguishable=RIVALS if alike else (),
+        separating_move=SLOWER if alike else None,
         parameters={"force": Parameter(pull(train, axis), 1.0, "N")},
         predictions=(
             Prediction("before", trace.time, 0 * trace.value),

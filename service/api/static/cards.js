@@ -33,7 +33,8 @@ async function history(axis) {
 export async function card(axis, axes, actions) {
   const { values, products } = await history(axis);
   return el("article", { class: `card ${axis.alarm_state}`, "aria-label": `Axis ${axis.name}` },
-    head(axis), value(axis), trend(axis), refusal(axis), model(axis), ...axis.proposed.map((r) => proposal(r, actions)),
+    head(axis), value(axis), trend(axis), refusal(axis), model(axis, axes, actions),
+    ...axis.proposed.map((r) => proposal(r, axis, axes, actions)),
     ...axis.alarms.map((a) => alarm(a, actions)),
     curve(axis, values), map(axis), byProducts(axis, products), checkButton(axis, axes, actions));
 }
@@ -78,23 +79,31 @@ function revisedText(axis) {
 }
 
 // What the latest model check said; a clean one in few words, so that the others stand out.
-function model(axis) {
+function model(axis, axes, actions) {
   const check = axis.model_check;
   if (!check || axis.proposed.length > 0) return null;
   const found = check.in_words[axis.name];
   const text = `Model check of run ${check.run_id}: ${found ?? `cannot tell. ${check.detail ?? "This axis was not judged."}`}`;
-  return el("p", { class: found?.startsWith("Something") ? "note" : "soft" }, text, " ", page(check));
+  const said = el("p", { class: found?.startsWith("Something") ? "note" : "soft" }, text, " ", page(check));
+  const move = check.separating_moves[axis.name];
+  return move ? el("div", { class: "note proposal" }, el("p", {}, text, " ", page(check)), moveButton(move, axis, axes, actions)) : said;
+}
+
+// What tells two effects apart that look alike in the ordinary steps.
+function moveButton(move, axis, axes, actions) {
+  return el("button", { disabled: actions.blocked(), onclick: () => actions.move(axis, together(axis, axes), move) }, "Make the move that tells them apart");
 }
 
 function page(found) {
   return found.report ? el("a", { href: found.report, onclick: (event) => openPage(event, found.report) }, "Show why") : null;
 }
 
-function proposal(revision, actions) {
+function proposal(revision, axis, axes, actions) {
   const text = `${revision.in_words} Confirmed by a second verdict, on run ${revision.run_id}.`;
   return el("div", { class: "note proposal" }, el("p", {}, text, " ", page(revision)),
     el("button", { onclick: () => actions.decide(revision, "accept") }, "Accept"),
-    el("button", { onclick: () => actions.decide(revision, "reject") }, "Reject"));
+    el("button", { onclick: () => actions.decide(revision, "reject") }, "Reject"),
+    revision.separating_move && moveButton(revision.separating_move, axis, axes, actions));
 }
 
 // A slope whose interval holds zero is not stated as one.
@@ -131,8 +140,10 @@ function ending(found) {
   return over + (found.acknowledged ? `Seen by ${found.acknowledged_by}.` : "");
 }
 
+const together = (axis, axes) => axes.filter((other) => other.group === axis.group).map((other) => other.name);
+
 function checkButton(axis, axes, actions) {
-  const moving = axes.filter((other) => other.group === axis.group).map((other) => other.name);
+  const moving = together(axis, axes);
   const label = moving.length > 1 ? `Check ${moving.join(" and ")} now` : `Check ${axis.name} now`;
   return el("button", { class: "main check", disabled: actions.blocked(), onclick: () => actions.check(axis, moving) }, label);
 }

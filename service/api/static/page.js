@@ -1,7 +1,7 @@
 // The page: asks the service every few seconds, every second while the machine moves, and shows what it says.
 
 import { card } from "./cards.js";
-import { $, confirmed, el, getJson, postJson } from "./dom.js";
+import { $, confirmed, el, getJson, postJson, rounded } from "./dom.js";
 import { runItem } from "./runs.js";
 
 const IDLE_MS = 3000;
@@ -18,9 +18,21 @@ const actions = {
     const where = places.length ? `travel to ${places.map((m) => `${m.toFixed(3)} m`).join(", ")} and back, and at each place ` : "";
     $("check-text").textContent = `${moving.join(" and ")} will ${where}make a row of short, sharp steps. `
       + "Make sure that nobody is in the machine, that it is idle, and that the way is free.";
+    $("check-go").textContent = "Move and measure";
     if (!(await confirmed($("check-dialog")))) return;
     const key = crypto.randomUUID?.() ?? `${Date.now()}-${Math.random()}`;
     await act(() => postJson("/api/v1/checks", { axis: axis.name }, { "Idempotency-Key": key }));
+  },
+
+  async move(axis, moving, move) {
+    const { length_m, jerk_m_s3, direction } = move;
+    $("check-text").textContent = `${moving.join(" and ")} will make a row of steps of ${(length_m * 1e3).toFixed(1)} mm with a jerk of `
+      + `${rounded(jerk_m_s3)} m/s³ where they stand, the first one ${direction > 0 ? "forth" : "back"}: ${move.why}. They are `
+      + "no measurement of the backlash. Make sure that nobody is in the machine, that it is idle, and that the way is free.";
+    $("check-go").textContent = "Move";
+    if (!(await confirmed($("check-dialog")))) return;
+    const body = { axis: axis.name, length_m, jerk_m_s3, direction, position: move.position, why: move.why };
+    await act(() => postJson("/api/v1/moves", body));
   },
 
   async acknowledge(alarm) {

@@ -4,6 +4,8 @@ import { el, getBlobUrl, getJson, interval, openPage, rounded, um, when } from "
 
 const STATES = { queued: "waiting", running: "moving", ok: "measured", refused: "refused", failed: "failed" };
 
+const why = (run) => (run.other_steps ? "separating move, no measurement" : run.kind === "nightly" ? "nightly" : "on demand");
+
 export function runItem(run) {
   const body = el("div", { class: "run-body", id: `run-${run.id}`, hidden: true });
   const head = el("button", { class: "run-head", "aria-expanded": "false", "aria-controls": body.id },
@@ -11,7 +13,7 @@ export function runItem(run) {
     el("span", {}, when(run.finished_at ?? run.requested_at)),
     el("span", { class: `state ${run.state}` }, STATES[run.state]),
     el("span", {}, run.axes.join(", ")),
-    el("span", { class: "why" }, run.reason_in_words ?? (run.kind === "nightly" ? "nightly" : "on demand")),
+    el("span", { class: "why" }, run.reason_in_words ?? why(run)),
     el("span", { class: "more", "aria-hidden": "true" }, "▾"));
   head.addEventListener("click", () => toggle(run, head, body));
   return el("li", { "data-mark": `${run.id}/${run.state}` }, head, body);
@@ -31,6 +33,7 @@ async function toggle(run, head, body) {
 
 async function contents(run) {
   const parts = [];
+  if (run.other_steps) parts.push(el("p", { class: "soft" }, otherSteps(run.other_steps)));
   if (run.detail) parts.push(el("p", { class: "note" }, run.detail));
   parts.push(...run.results.flatMap((result) => resultParts(run, result)));
   parts.push(...run.model_checks.map(modelCheck));
@@ -39,6 +42,11 @@ async function contents(run) {
   }
   if (parts.length === 0) parts.push(el("p", { class: "soft" }, "Nothing was recorded in this run."));
   return parts;
+}
+
+function otherSteps(steps) {
+  return `Steps of ${(steps.length_m * 1e3).toFixed(1)} mm with a jerk of ${rounded(steps.jerk_m_s3)} m/s³, to tell two effects apart: `
+    + "the values below measure nothing and stand in no trend.";
 }
 
 function modelCheck(check) {

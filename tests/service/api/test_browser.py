@@ -12,8 +12,10 @@ from typing import Any
 import pytest
 import uvicorn
 
-from tests.service.api.house import House, run_map, run_products
-from tests.service.api.test_models import proposed
+from service.store.model_records import ExplanationEnd
+from service.store.records import StepParameters
+from tests.service.api.house import NOON, House, run_map, run_products
+from tests.service.api.test_models import FINDING, proposed
 
 CHROMIUM = Path("/usr/bin/chromium")
 
@@ -85,6 +87,20 @@ def test_a_technician_reads_a_finding_and_accepts_it(page: Any, nights: House, t
     page.get_by_role("button", name="Decide").click()
     page.wait_for_selector("text=accepted by A. Smith")
     assert nights.repository.models.revision(revision).decided_by == "A. Smith"
+
+
+def test_a_technician_makes_the_move_that_tells_two_effects_apart(page: Any, nights: House) -> None:
+    move = {"length_m": 0.008, "jerk_m_s3": 50.0, "direction": -1, "position": "as before", "why": "slower"}
+    alike = FINDING | {"indistinguishable": [["sensor_latency", "speed_filter"]], "separating_move": move}
+    number = nights.loop.explain(21, ())
+    nights.repository.models.finish(ExplanationEnd(number, "done", NOON, None, {"axes": [alike]}))
+    page.get_by_role("button", name="Make the move that tells them apart").click()
+    page.wait_for_selector("text=steps of 8.0 mm with a jerk of 50 m/s³")
+    page.get_by_role("button", name="Move", exact=True).click()
+    page.wait_for_selector("text=separating move, no measurement")
+    run = nights.repository.unfinished_run()
+    assert run is not None
+    assert run.steps == StepParameters(0.008, 50.0, -1)
 
 
 def test_the_page_fits_a_narrow_screen_and_opens_a_run(page: Any) -> None:

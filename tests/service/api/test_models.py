@@ -156,6 +156,18 @@ def test_a_separating_move_becomes_a_run_of_these_steps(house: House) -> None:
     problem(house.client.post("/api/v1/moves", json=move), 409, "busy")
 
 
+def test_what_looks_alike_is_shown_with_the_move_that_tells_it_apart(nights: House) -> None:
+    move = {"length_m": 0.008, "jerk_m_s3": 50.0, "direction": -1, "position": "as before", "why": "slower"}
+    alike = FINDING | {"indistinguishable": [["sensor_latency", "speed_filter"]], "separating_move": move}
+    number = nights.loop.explain(21, ())
+    nights.repository.models.finish(ExplanationEnd(number, "done", NOON, None, {"axes": [alike]}))
+    axis = nights.get("/api/v1/axes/X1")
+    assert axis["model_check"]["separating_moves"] == {"X1": move}
+    assert nights.client.post("/api/v1/moves", json={"axis": "X1", **move}).status_code == 202
+    nights.repository.models.propose("X1", alike, NOON, run_id=21, explanation_id=number)
+    assert nights.get("/api/v1/axes/X1")["proposed"][0]["separating_move"] == move
+
+
 @pytest.mark.parametrize(
     ("change", "kind"),
     [
