@@ -47,6 +47,7 @@ class Command(IntEnum):
     QUICK_STOP = 0x02
     SHUTDOWN = 0x06
     SWITCH_ON = 0x07
+    DISABLE_OPERATION = 0x07
     ENABLE = 0x0F
     FAULT_RESET = 0x80
 

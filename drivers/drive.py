@@ -167,13 +167,23 @@ class Drive:
         self.disable()
 
     def disable(self) -> None:
-        """Stop if moving, take the torque away and verify it."""
+        """Stop if moving, take the torque away and verify it.
+
+        The drive is left the time to close its brake: transition 5 (disable operation) and the end of a quick stop
+        keep the torque until it grips; transition 9 (disable voltage) would let an axis with weight on it sag.
+        """
         with contextlib.suppress(NodeSilent, StateTransitionTimeout, UnknownStatusword):
             link = self._linked()
             if link.state is State.ENABLED and not link.at_rest:
                 self.quick_stop()
-            # A drive that brakes keeps its torque until it stands: without it the axis would coast on.
-            self.bus.wait_until(lambda: not cia402.powered(link.state) or link.at_rest, _BRAKING)
+            self.bus.wait_until(
+                lambda: not cia402.powered(link.state) or (link.state is State.ENABLED and link.at_rest),
+                _BRAKING,
+            )
+            if link.state is State.ENABLED:
+                self._command(
+                    Command.DISABLE_OPERATION, lambda: link.state is not State.ENABLED, "switched on"
+                )
             self._command(Command.DISABLE_VOLTAGE, lambda: not self._ready(), "switch on disabled")
             return
         self._disable_by_sdo()

@@ -48,6 +48,9 @@ FRAME_LOSS = 0.0005
 """Share of the accelerometers' frames that are lost on the way."""
 
 
+BRAKE_S = 0.04
+"""How long the motors' holding brakes take to close, as data sheets of servo motors of that size say."""
+
 SENSOR_LATENCY_US = 200.0
 """Filter and processing of the simulated accelerometers, as their data sheet would say."""
 
@@ -204,7 +207,13 @@ def _axis(name: str, node_id: int, sync_producer: bool = False) -> dict[str, obj
 
 
 def _drive(axis: AxisSettings, settings: Settings, faults: DriveFaults) -> DriveConfig:
-    return DriveConfig(axis=axis.name, node_id=axis.node_id, bus=_channel(settings, axis.bus), faults=faults)
+    return DriveConfig(
+        axis=axis.name,
+        node_id=axis.node_id,
+        bus=_channel(settings, axis.bus),
+        brake_s=BRAKE_S,
+        faults=faults,
+    )
 
 
 def _accelerometer(

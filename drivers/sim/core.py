@@ -113,6 +113,11 @@ class MachineCore:
         return any(drive.positioning.moving for drive in self.drives)
 
     @property
+    def driven(self) -> bool:
+        """Whether an axis moves by its drive's set-points, which come to an end."""
+        return any(drive.positioning.driven for drive in self.drives)
+
+    @property
     def waiting_to_join(self) -> bool:
         """Whether an enabled drive stands while another moves."""
         ready = [d.positioning.moving for d in self.drives if d.state is State.OPERATION_ENABLED]

@@ -44,6 +44,7 @@ class DriveConfig:
     send_delay_s, send_jitter_s : from the SYNC to the TPDO's readiness, and its random part (uniform)
     position_window_rad, position_window_s : target reached (bit 10) within this, for this long
     following_error_rad, following_error_s : fault 0x8611 beyond this, for this long
+    brake_s : how long the motor's holding brake takes to close; None: it has none
     """
 
     axis: str
@@ -60,6 +61,7 @@ class DriveConfig:
     position_window_s: float = 0.01
     following_error_rad: float = 6.0
     following_error_s: float = 0.02
+    brake_s: float | None = None
     faults: DriveFaults = field(default_factory=DriveFaults)
 
     @property

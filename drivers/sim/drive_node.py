@@ -10,11 +10,13 @@ position of power-up is zero), a SYNC from the master, and a quartz error betwee
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.sim.brake import HELD_FOR, HoldingBrake
 from drivers.sim.communication import TICK, ErrorLog, HeartbeatProducer, MasterWatch, SyncProducer
 from drivers.sim.dictionary import NO_OBJECT, NOT_IN_THIS_STATE, OUT_OF_RANGE, Dictionary, Key, SdoAbort
 from drivers.sim.drive_config import DriveConfig
@@ -23,6 +25,7 @@ from drivers.sim.physics import PhysicsBlock, Setpoint
 from drivers.sim.positioning import HALT, ParameterMissing, Positioning
 from drivers.sim.power_states import State, after_controlword
 from drivers.sim.sdo_server import SdoServer, is_upload
+from drivers.sim.tpdo_sender import TpdoSender
 from drivers.sim.wire import Frame
 
 PRE_OPERATIONAL, OPERATIONAL, STOPPED = 0x7F, 0x05, 0x04
@@ -55,20 +58,20 @@ class DriveNode:
         self._dictionary = Dictionary(eds, config.node_id)
         self.values = self._dictionary.values
         self.positioning = Positioning(config, self._dictionary, dt)
+        self.brake = HoldingBrake(None if config.brake_s is None else round(config.brake_s / TICK))
         self.master = MasterWatch(self._dictionary)
         self.sync = SyncProducer(self._dictionary)
         self._heartbeat = HeartbeatProducer(self._dictionary, config.node_id)
         self._errors = ErrorLog(self._dictionary)
         self._sdo = SdoServer(self._dictionary.read, self._write)
         self._rpdos = [Pdo(self._dictionary, 0x1400), Pdo(self._dictionary, 0x1401)]
-        self._tpdos = [Pdo(self._dictionary, 0x1800), Pdo(self._dictionary, 0x1801)]
-        streams = (np.random.default_rng([seed, config.node_id, k]) for k in range(3))
-        self._noise, self._jitter, self._chance = streams
+        self._noise = np.random.default_rng([seed, config.node_id, 0])
+        self._sender = TpdoSender(config, self._dictionary, seed)
         self._per_tick = round(TICK / dt)
         self._tick = 0
         self._outbox: list[Frame] = []
         self._last_sent = 0.0
-        self._settled = self._astray = self._syncs = 0
+        self._settled = self._astray = 0
         self._reset(communication_only=False)
 
     # -- what comes in ---------------------------------------------------------------------------------
@@ -76,7 +79,7 @@ class DriveNode:
     @property
     def situation(self) -> tuple[object, ...]:
         """What a command can change that others can see; compare before and after."""
-        return self.nmt, self.state, self.positioning.acknowledged, self.positioning.moves
+        return self.nmt, self.state, self.brake.closing, self.positioning.acknowledged, self.positioning.moves
 
     def receive(self, can_id: int, data: bytes) -> list[Frame]:
         """Let a frame take effect; the answer, if the protocol has one, leaves at once."""
@@ -164,7 +167,7 @@ class DriveNode:
             raise SdoAbort(NOT_IN_THIS_STATE)
         if index in (0x1800, 0x1801) and key[1] == 2 and value not in range(1, 241):
             raise SdoAbort(OUT_OF_RANGE)
-        for pdo in (*self._rpdos, *self._tpdos):
+        for pdo in (*self._rpdos, *self._sender.pdos):
             pdo.check(key, value)
 
     def _written(self, key: Key, previous: int, value: int) -> None:
@@ -184,7 +187,7 @@ class DriveNode:
         target = after_controlword(before, value, previous, self.values[0x605A, 0])
         if before is State.FAULT and target is not before:
             self._send_emergency(self._errors.clear())
-        self._enter(target)
+        self._go_to(target)
         if self.state is State.OPERATION_ENABLED and self.values[0x6061, 0] == 1:
             try:
                 self.positioning.controlword(previous, value)
@@ -192,10 +195,23 @@ class DriveNode:
                 self._trip(PARAMETER_ERROR, register=0x20)
         self._publish_state()
 
+    def _go_to(self, target: State) -> None:
+        """Follow a controlword; the torque stays until the brake grips where the standard leaves the drive time."""
+        enabled = self.state is State.OPERATION_ENABLED
+        if enabled and target in HELD_FOR and self.brake.close(target):
+            return
+        if enabled and target is State.OPERATION_ENABLED and self.brake.closing:
+            self.brake.open()
+        self._enter(target)
+
     def _enter(self, state: State) -> None:
         if state is self.state:
             return
         before, self.state = self.state, state
+        if state.powered:
+            self.brake.open()
+        else:
+            self.brake.let_fall()
         if state is State.QUICK_STOP_ACTIVE:
             self._brake_for_quick_stop()
         elif state is State.OPERATION_ENABLED and not before.powered:
@@ -213,12 +229,17 @@ class DriveNode:
 
     def _after_braking(self) -> None:
         """What follows when a quick stop or a fault reaction has come to rest."""
-        if self.positioning.moving:
+        if self.positioning.moving or self.brake.closing:
             return
         if self.state is State.FAULT_REACTION_ACTIVE:
-            self._enter(State.FAULT)
+            self._leave(State.FAULT)
         elif self.state is State.QUICK_STOP_ACTIVE and self.values[0x605A, 0] < 5:
-            self._enter(State.SWITCH_ON_DISABLED)
+            self._leave(State.SWITCH_ON_DISABLED)
+
+    def _leave(self, state: State) -> None:
+        """Enter a state without torque, once the brake grips."""
+        if not self.brake.close(state):
+            self._enter(state)
 
     def _trip(self, code: int, register: int) -> None:
         """Signal an error, brake by 0x6085 where there is power, and end in Fault."""
@@ -253,10 +274,11 @@ class DriveNode:
         if in_that_move and motion.moving and motion.elapsed >= faults.trip_after_s:
             self._trip(faults.trip_code, register=0x02)
         try:
-            return motion.setpoint(n)
+            wanted = motion.setpoint(n)
         except ParameterMissing:
             self._trip(PARAMETER_ERROR, register=0x20)
-            return motion.setpoint(n)
+            wanted = motion.setpoint(n)
+        return replace(wanted, braked=self.brake.grips)
 
     def observe(
         self, setpoint: Setpoint, block: PhysicsBlock, first_tick: int, syncs: list[int]
@@ -267,12 +289,16 @@ class DriveNode:
         self.positioning.observe(block)
         self._watch_following_error(setpoint, block, samples)
         signals = self._signals(setpoint, block, samples)
-        frames = self._tpdo_frames(signals, first_tick, syncs) if self.nmt == OPERATIONAL else []
+        frames = []
+        if self.nmt == OPERATIONAL:
+            frames = self._sender.frames(signals, first_tick, syncs, self.positioning.moves)
         if not self._heart_stopped(first_tick):
             frames += self._heartbeat.frames(first_tick, count, self.nmt)
         self._tick = first_tick + count - 1
         for index, values in signals.items():
             self.values[index, 0] = int(values[-1])
+        if (state := self.brake.pass_time(count, self.state.powered)) is not None:
+            self._enter(state)
         self._after_braking()
         outbox, self._outbox = self._outbox, []
         return outbox + frames
@@ -325,39 +351,6 @@ class DriveNode:
             self._trip(FOLLOWING_ERROR, register=0x20)
 
     # -- what goes out ---------------------------------------------------------------------------------
-
-    def _tpdo_frames(
-        self, signals: dict[int, NDArray[np.int64]], first: int, syncs: list[int]
-    ) -> list[Frame]:
-        frames: list[Frame] = []
-        for pdo in self._tpdos:
-            if pdo.valid and pdo.mapped and syncs:
-                every = pdo.transmission_type
-                due = [tick for k, tick in enumerate(syncs, self._syncs + 1) if k % every == 0]
-                frames += self._packed(pdo, signals, first, due)
-        self._syncs += len(syncs)
-        return frames
-
-    def _packed(
-        self, pdo: Pdo, signals: dict[int, NDArray[np.int64]], first: int, due: list[int]
-    ) -> list[Frame]:
-        at = np.array(due, dtype=np.intp) - first
-        raw, size = pdo.pack(len(due), {index: values[at] for index, values in signals.items()})
-        ready = self._ready_times(due)
-        lost = self._lost(len(due))
-        return [
-            (ready[k], pdo.cob_id, raw[k * size : (k + 1) * size]) for k in range(len(due)) if not lost[k]
-        ]
-
-    def _ready_times(self, due: list[int]) -> list[float]:
-        delays = self.config.send_delay_s + self.config.send_jitter_s * self._jitter.random(len(due))
-        return [float(tick * TICK + delay) for tick, delay in zip(due, delays, strict=True)]
-
-    def _lost(self, count: int) -> NDArray[np.bool_]:
-        faults = self.config.faults
-        if faults.silent_from_move is not None and self.positioning.moves > faults.silent_from_move:
-            return np.ones(count, dtype=np.bool_)
-        return self._chance.random(count) < faults.tpdo_loss
 
     def _heart_stopped(self, first_tick: int) -> bool:
         stops_at = self.config.faults.heartbeat_stops_at_s

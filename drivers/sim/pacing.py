@@ -61,6 +61,8 @@ class Timing:
     beat_s : what follows an NMT command: the next heartbeat, at most 100 ms away, tells the new state
     idle_s : shorter than any time limit of the master
     patience_s : counted in waits that a busy PC stretches; a hundred times a master's reaction time
+    rolling_s : an axis without torque that is still rolling after this (on a slope, without a brake) is not waited
+        for any longer: a drive answers its master all the same
     switch_on_s : a master that only listens sees the machine boot after this
     deaf_s : a listener that read nothing for so long is no longer waited for
     window : frames that the slowest listener may be behind while an axis moves, about 20 ms of one axis; eight
@@ -71,6 +73,7 @@ class Timing:
     answer_s: float = 0.01
     beat_s: float = 0.11
     idle_s: float = 0.25
+    rolling_s: float = 2.0
     patience_s: float = 0.12
     switch_on_s: float = 1.0
     deaf_s: float = 5.0
@@ -153,13 +156,16 @@ class LockStep:
         core, end = self._core, self._core.tick + round(duration / TICK)
         # no longer than asked for in the short spans, which belong to a halt of the same move
         rest = round(self._timing.rest_s / TICK) if duration > self._timing.answer_s else 0
+        patient_until = core.tick + round(self._timing.rolling_s / TICK)
         while core.tick < end and not self._stop.is_set():
             self._serve_urgent()
             self._await_listeners(self._timing.window * (1 if core.moving else 8))
             ticks = min(BLOCK if core.moving else REST_BLOCK, end - core.tick)
             self._await_heartbeat(ticks)
             core.step(ticks)
-            if core.moving:
+            if core.driven:
+                patient_until = core.tick + round(self._timing.rolling_s / TICK)
+            if core.moving and core.tick < patient_until:
                 end = max(end, core.tick + rest)
 
     def _serve_urgent(self) -> None:

@@ -22,16 +22,19 @@ class Setpoint:
 
     Attributes
     ----------
-    enabled : False = the power stage is off: no torque, the axis coasts and the rest is to be ignored
+    enabled : False = the power stage is off: no torque, the axis coasts unless the brake grips; the set-points
+        are to be ignored
     position : (n,) [rad]
     speed : (n,) [rad/s]
     acceleration : (n,) [rad/s²]
+    braked : the motor's holding brake grips
     """
 
     enabled: bool
     position: FloatArray
     speed: FloatArray
     acceleration: FloatArray
+    braked: bool = False
 
 
 class PhysicsBlock(Protocol):

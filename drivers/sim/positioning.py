@@ -52,6 +52,11 @@ class Positioning:
         return self._profile is not None or coasting
 
     @property
+    def driven(self) -> bool:
+        """Whether a set-point moves, and not an axis without torque."""
+        return self._profile is not None
+
+    @property
     def elapsed(self) -> float:
         """Time since the profile's start [s]."""
         return self._substeps * self._dt

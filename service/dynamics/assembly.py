@@ -32,6 +32,8 @@ class Setpoint(Protocol):
     def speed(self) -> FloatArray: ...
     @property
     def acceleration(self) -> FloatArray: ...
+    @property
+    def braked(self) -> bool: ...
 
 
 class Coupled:
@@ -50,8 +52,7 @@ class Coupled:
     def _connect(self, effects: Effects) -> None:
         propagator = self._propagator
         self._servos = [
-            _Servo(name, p.transmission, self._controllers[name], propagator)
-            for name, p in self._parameters.items()
+            _Servo(name, p, self._controllers[name], propagator) for name, p in self._parameters.items()
         ]
         self._sensors = {name: _Sensors(tuple(effects.get(name, ())), propagator.dt) for name in self.axes}
         self._disturbances = [
@@ -95,24 +96,30 @@ class _Servo:
     """Connects one axis' controller with its motor."""
 
     def __init__(
-        self, axis: str, transmission: float, controller: PPIController, propagator: Propagator
+        self, axis: str, parameters: AxisParameters, controller: PPIController, propagator: Propagator
     ) -> None:
         self.axis = axis
         self._propagator = propagator
         self._controller = controller
-        self._radians = 1 / transmission
+        self._radians = 1 / parameters.transmission
         layout, mechanism = propagator.layout, propagator.mechanism
         drive = [d.axis for d in mechanism.drives].index(axis)
         motor, carriage = mechanism.index(body(axis, "motor")), mechanism.index(body(axis, "carriage"))
         self._q, self._v = layout.q.start + motor, layout.v.start + motor
         self._T, self._command = layout.T.start + drive, layout.command.start + drive
         self._x, self._x_dot, self._carriage = layout.q.start + carriage, layout.v.start + carriage, carriage
+        shaft = [sliding.name for sliding in mechanism.slidings].index(body(axis, "motor"))
+        self._up, self._down = layout.up.start + shaft, layout.down.start + shaft
+        self._friction = mechanism.slidings[shaft].level
+        self._brake = parameters.brake_torque / parameters.transmission
         self._enabled = False
         self._setpoints: list[tuple[float, float, float]] = []
 
     def follow(self, setpoint: Setpoint) -> None:
         """Take over the set-points of a block."""
         self._enabled = setpoint.enabled
+        w = self._propagator.w
+        w[self._up] = w[self._down] = self._friction + (self._brake if setpoint.braked else 0.0)
         if self._enabled:
             columns = (setpoint.position, setpoint.speed, setpoint.acceleration)
             self._setpoints = list(zip(*(column.tolist() for column in columns), strict=True))

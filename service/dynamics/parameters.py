@@ -95,6 +95,7 @@ class AxisParameters:
     friction_mot, friction_g : at the motor shaft
     friction_p : at the pinion shaft
     friction_mas : of the guide, at the carriage
+    brake_torque : with which the motor's holding brake holds it, where it is closed [N m]
     controller : None: ``tuned_controller`` of this axis
     """
 
@@ -116,11 +117,12 @@ class AxisParameters:
     friction_g: Friction = Friction(coulomb=0.10, viscous=1e-3)
     friction_p: Friction = Friction(coulomb=0.3, viscous=0.0)
     friction_mas: Friction = Friction(coulomb=120.0, viscous=300.0)
+    brake_torque: float = 20.0
     controller: ControllerParameters | None = None
 
     def __post_init__(self) -> None:
         _require_positive(self, "J_mot", "J_g", "J_p", "i", "D_p", "k_mg", "k_gp", "k_p", "M")
-        _require_not_negative(self, "d_mg", "d_gp", "d_p", "b")
+        _require_not_negative(self, "d_mg", "d_gp", "d_p", "b", "brake_torque")
         # A gap of a tenth of the pinion's diameter is a missing tooth, or micrometres given as metres.
         limit = _TOOTH_PITCH_SHARE * self.D_p
         _require(self.b < limit, self, "b", f"below {limit:g} m (a backlash, in metres)")

@@ -32,6 +32,7 @@ class _Nominal:
     speed: FloatArray
     acceleration: FloatArray
     enabled: bool = True
+    braked: bool = False
 
 
 class GapCrossing(NamedTuple):
@@ -70,7 +71,8 @@ class Plant:
 
         Parameters
         ----------
-        setpoints : in the order of ``axes``; one with ``enabled`` False gives no torque, the axis coasts
+        setpoints : in the order of ``axes``; one with ``enabled`` False gives no torque, the axis coasts;
+            one with ``braked`` True has its motor held
 
         Returns
         -------

@@ -117,7 +117,8 @@ def test_a_move_from_enable_to_disable() -> None:
         assert (peer.od.read(0x6083, 0), peer.od.read(0x6084, 0)) == (1000, 1000)
     assert peer.controlwords[:3] == [0x06, 0x07, 0x0F]
     assert 0x5F in peer.controlwords
-    assert peer.controlwords[-1] == 0x00
+    # Disable operation first, which leaves the drive the time to close its brake; then the voltage.
+    assert peer.controlwords[-2:] == [0x07, 0x00]
     record = drive.traces(recorder.frames())
     moving = record.speed.value > 0
     assert record.speed.value[moving] == pytest.approx(np.full(20, SPEED_COUNTS * 0.01))

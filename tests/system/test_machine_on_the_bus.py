@@ -11,6 +11,7 @@ from drivers.errors import DriveFault, DriverError, JerkProfileRefused, Protecti
 from drivers.sim.accelerometer_node import AccelerometerFaults
 from drivers.sim.drive_config import DriveFaults
 from service.demo import demo_settings, open_demo
+from service.dynamics.effects.carriage import ConstantForce
 from service.motion.messages import Progress, Recorded
 from service.motion.process import RunStopped
 
@@ -99,3 +100,11 @@ def test_a_stopped_run_leaves_the_axis_disabled_and_usable(tmp_path: Path) -> No
         with pytest.raises(RunStopped):
             machine.execute("Y", guard, lambda progress: steps.append(progress.done))
         assert machine.execute("Y", go_on, ignore).recording.moves[0].start > 0
+
+
+def test_an_axis_with_weight_on_it_stays_where_it_is_between_runs(tmp_path: Path) -> None:
+    """600 N along travel are more than the guide holds: the brake has to, and to close before the torque goes."""
+    weight = {"Y": (ConstantForce(600.0),)}
+    with open_demo(demo_settings(tmp_path), effects=weight) as machine:
+        stood = [machine.execute("Y", go_on, ignore).recording.moves[0].position for _ in range(3)]
+    assert stood == pytest.approx([0.0] * 3, abs=2e-6)

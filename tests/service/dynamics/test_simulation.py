@@ -28,6 +28,7 @@ class Asked:
     speed: FloatArray
     acceleration: FloatArray
     enabled: bool = True
+    braked: bool = False
 
 
 def asked(axis: AxisParameters, t: FloatArray, count: int = 2, enabled: bool = True) -> Asked:
@@ -177,6 +178,8 @@ def test_a_weight_is_held_by_the_drive_and_falls_when_it_is_disabled() -> None:
     assert held.motor_torque[-1] == pytest.approx(2000.0 * p.transmission, abs=0.6)
     (falling,) = plant.advance(0.1, [Asked(still[:800], still[:800], still[:800], enabled=False)])
     assert falling.load_speed[-1] < -0.05
+    (caught,) = plant.advance(1.0, [Asked(still, still, still, enabled=False, braked=True)])
+    assert abs(caught.load_speed[-1]) < 1e-6, "20 N m of brake hold 2000 N at 3 mm/rad, which are 6 N m"
 
 
 def test_the_plant_is_what_the_simulated_machine_asks_for() -> None:

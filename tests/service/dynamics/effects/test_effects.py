@@ -34,6 +34,7 @@ class Asked:
     """A set-point that follows the moves from time ``start``, for n sub-steps."""
 
     enabled = True
+    braked = False
 
     def __init__(self, start: float, n: int, moves: tuple[Move, ...] = ()) -> None:
         t = start + DT * np.arange(1, n + 1)
