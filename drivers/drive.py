@@ -47,7 +47,7 @@ class Drive:
     def __init__(
         self, bus: Bus, config: DriveConfig, on_fault: Callable[[Drive], None] | None = None
     ) -> None:
-        """`on_fault` is called in the receive loop at an EMCY: to quick-stop a gantry's other drive, say."""
+        """`on_fault` is called in the receive loop at a fault: to quick-stop a gantry's other drive, say."""
         self.bus = bus
         self.config = config
         self.rated_torque = 0.0
@@ -70,7 +70,7 @@ class Drive:
         return self
 
     def _commission(self) -> None:
-        link = self._link = DriveLink(self.bus, self.config, self._emergency)
+        link = self._link = DriveLink(self.bus, self.config, self._faulted)
         objects = self._objects = Objects(self.bus, self.config.node_id, self.config.name, self.config.eds)
         commissioning.identify(objects, self.config)
         link.command_nmt(drivelink.NMT_PRE_OPERATIONAL)
@@ -134,17 +134,24 @@ class Drive:
         """Raise what is wrong with bus or drive now: BusError, NodeRestarted, DriveFault, NodeSilent."""
         link = self._linked()
         link.check()
-        if link.emergency is not None:
+        if link.faulted:
             raise self._fault()
 
     def check_moving(self) -> None:
         """Raise what keeps the drive from moving now: what ``check`` raises, DriveFault, MoveNotFinished."""
         self.check()
         state = self.state
-        if state in (State.FAULT, State.FAULT_REACTION):
-            raise self._fault()
         if state is not State.ENABLED:
             raise MoveNotFinished(f"{self.name} left operation enabled in mid-move, it is in state {state}")
+
+    def remarks(self) -> tuple[str, ...]:
+        """Sentences about the errors that the drive sent by EMCY and went on with: its warnings."""
+        told = dict.fromkeys(self._linked().emergencies)
+        return tuple(
+            f"{self.name} warned of 0x{code:04X}, {cia402.error_text(code)} (error register 0x{register:02X}), and "
+            "went on; look at its display, since the next time it may stop"
+            for code, register in told
+        )
 
     def traces(self, frames: Frames) -> DriveRecord:
         """Speed, torque and statusword out of recorded frames, placed by the SYNC counter."""
@@ -200,7 +207,7 @@ class Drive:
         """Acknowledge a fault at the drive, on a person's order only."""
         link = self._linked()
         link.send(Command.DISABLE_VOLTAGE)
-        link.emergency = None
+        link.emergencies.clear()
         self._command(Command.FAULT_RESET, lambda: self.state is not State.FAULT, "switch on disabled")
 
     # -- moving
@@ -289,7 +296,7 @@ class Drive:
             raise MoveRefused(f"{self.name}: no move was prepared")
         return self._move
 
-    def _emergency(self) -> None:
+    def _faulted(self) -> None:
         if self._on_fault is not None:
             self._on_fault(self)
 
@@ -347,8 +354,8 @@ class Drive:
             raise MoveRefused(f"{self.name}: target {goal:.3f} rad outside {low:.3f} to {high:.3f} rad")
 
     def _fault(self) -> DriveFault:
-        emergency = self._link.emergency if self._link is not None else None
-        code, register = emergency or (self._connected().read(0x603F), 0)
+        told = self._link.emergencies[-1:] if self._link is not None else []
+        code, register = told[0] if told else (self._connected().read(0x603F), 0)
         return DriveFault(f"{self.name} reports 0x{code:04X}, {cia402.error_text(code)}", code, register)
 
 

@@ -20,16 +20,16 @@ BOOT_UP, OPERATIONAL, PRE_OPERATIONAL = 0, 5, 127
 class DriveLink:
     """The last frames of one drive."""
 
-    def __init__(self, bus: Bus, config: DriveConfig, on_emergency: Callable[[], None]) -> None:
-        """`on_emergency` is called in the receive loop at an EMCY that reports an error."""
+    def __init__(self, bus: Bus, config: DriveConfig, on_fault: Callable[[], None]) -> None:
+        """`on_fault` is called in the receive loop when the statusword tells a fault for the first time."""
         self.bus = bus
         self.config = config
         self.name = f"{config.name} (node {config.node_id})"
         self.target = 0
         self.nmt_state: int | None = None
         self.acknowledged: float | None = None
-        self.emergency: tuple[int, int] | None = None
-        self._on_emergency = on_emergency
+        self.emergencies: list[tuple[int, int]] = []
+        self._on_fault = on_fault
         self._restarted = False
         self._tpdo: bytes | None = None
         self._tpdo_clock = self._heartbeat_clock = bus.clock()
@@ -56,8 +56,10 @@ class DriveLink:
             return
         if self._tpdo is not None and data[7] & 0x10 and not self._tpdo[7] & 0x10:
             self.acknowledged = at
-        self._tpdo = data
+        was_faulted, self._tpdo = self.faulted, data
         self._tpdo_clock = self.bus.moment(at)
+        if self.faulted and not was_faulted:
+            self._on_fault()
 
     def _on_heartbeat(self, at: float, _: int, data: bytes) -> None:
         self.nmt_state = data[0] & 0x7F
@@ -67,8 +69,7 @@ class DriveLink:
     def _on_emcy(self, _at: float, _: int, data: bytes) -> None:
         code, register = cia402.decode_emcy(data)
         if code >> 8:
-            self.emergency = (code, register)
-            self._on_emergency()
+            self.emergencies.append((code, register))
 
     # -- out
 
@@ -105,6 +106,14 @@ class DriveLink:
         age = self.bus.clock() - self._heartbeat_clock
         if age > self.config.heartbeat_patience:
             raise NodeSilent(f"{self.name}: no heartbeat for {age:.2f} s")
+
+    @property
+    def faulted(self) -> bool:
+        """Whether the last statusword told a fault or the reaction to one: its bit 3, in no other state.
+
+        An EMCY alone tells none: CiA 301 has it for any error, also one with which the drive goes on (a warning).
+        """
+        return self._tpdo is not None and bool(self._tpdo[6] & 0x08)
 
     @property
     def process_data(self) -> ProcessData:

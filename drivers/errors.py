@@ -17,7 +17,7 @@
     │   │   ├── JerkProfileRefused      no jerk-limited profile: the method cannot work on this drive
     │   │   ├── ProtectionNotConfirmed  its reaction to a lost master could not be set and read back
     │   │   └── MappingRefused          speed, torque and status could not be mapped
-    │   ├── DriveFault              EMCY or statusword: the drive has shut its power stage off
+    │   ├── DriveFault              statusword: the drive has shut its power stage off
     │   ├── UnknownStatusword       a bit pattern that CiA 402 leaves out
     │   ├── StateTransitionTimeout  a controlword was sent, the statusword never followed
     │   ├── MoveRefused             outside the limits, or the set-point was not acknowledged

@@ -17,6 +17,8 @@ class DriveFaults:
     trip_in_move : number of the move, from 0, in which the drive trips by itself
     trip_after_s : into that move
     trip_code : the EMCY error code of that trip; 0x2310 is continuous over-current
+    warns_in_move : number of the move, from 0, in which the drive sends an EMCY, sets bit 7 and goes on
+    warning_code : the EMCY error code of that warning; 0x4310 is a drive that grows hot
     tpdo_loss : probability that a TPDO is not sent
     silent_from_move : number of the move, from 0, from whose start no TPDO is sent any more
     heartbeat_stops_at_s : machine time from which no heartbeat is produced
@@ -27,6 +29,8 @@ class DriveFaults:
     trip_in_move: int | None = None
     trip_after_s: float = 0.04
     trip_code: int = 0x2310
+    warns_in_move: int | None = None
+    warning_code: int = 0x4310
     tpdo_loss: float = 0.0
     silent_from_move: int | None = None
     heartbeat_stops_at_s: float | None = None

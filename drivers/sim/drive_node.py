@@ -72,6 +72,7 @@ class DriveNode:
         self._outbox: list[Frame] = []
         self._last_sent = 0.0
         self._settled = self._astray = 0
+        self._warning = False
         self._reset(communication_only=False)
 
     # -- what comes in ---------------------------------------------------------------------------------
@@ -273,6 +274,9 @@ class DriveNode:
         in_that_move = faults.trip_in_move == motion.moves - 1 and self.state is State.OPERATION_ENABLED
         if in_that_move and motion.moving and motion.elapsed >= faults.trip_after_s:
             self._trip(faults.trip_code, register=0x02)
+        if faults.warns_in_move == motion.moves - 1 and motion.moving and not self._warning:
+            self._warning = True
+            self._send_emergency(self._errors.raise_error(faults.warning_code, register=0x08))
         try:
             wanted = motion.setpoint(n)
         except ParameterMissing:
@@ -330,10 +334,10 @@ class DriveNode:
         return np.array(words)
 
     def _status_base(self) -> int:
-        """The statusword without bit 10: state, voltage (4), remote (9), limit (11), acknowledge (12), 13."""
+        """The statusword without bit 10: state, voltage (4), warning (7), remote (9), limit (11), 12, 13."""
         motion = self.positioning
         following_error = self.values[0x603F, 0] == FOLLOWING_ERROR
-        bits = motion.limited << 11 | motion.acknowledged << 12 | following_error << 13
+        bits = self._warning << 7 | motion.limited << 11 | motion.acknowledged << 12 | following_error << 13
         return self.state.value | 0x0210 | bits
 
     def _publish_state(self) -> None:

@@ -88,6 +88,9 @@ class RunView(Reasoned):
     other_steps: StepsView | None = Field(
         description="The steps it made where they were not the configured ones: its values measure nothing."
     )
+    remarks: list[str] = Field(
+        description="What was noticed and ended nothing: warnings of drives and sensors, in sentences."
+    )
     capture_sha256: str | None = Field(
         description="SHA-256 of its capture, hexadecimal; null without a capture."
     )

@@ -174,6 +174,7 @@ def run_view(run: RunRecord) -> RunView:
         reason_in_words=in_words(run.reason),
         detail=run.detail,
         other_steps=steps_view(run.steps),
+        remarks=list(run.remarks),
         capture_sha256=None if run.capture is None else run.capture.sha256,
     )
 

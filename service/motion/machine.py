@@ -130,6 +130,7 @@ class BusMachine:
         warnings: list[str] = []
         for station in stations:
             axis = station.settings
+            warnings += station.drive.remarks()
             motor = station.drive.traces(frames[axis.bus])
             load = station.accelerometer.record(frames[axis.accelerometer.bus])
             warnings += load.warnings

@@ -86,7 +86,7 @@ def diagnostic_run(workshop: Workshop, run: RunRecord, on_progress: Callable[[Pr
         return _failed(workshop, run, error.kind, str(error), capture)
     except (AnalysisError, CaptureError, OSError) as error:
         return _failed(workshop, run, type(error).__name__, str(error), capture)
-    return _concluded(workshop, run, capture, answers)
+    return _concluded(workshop, run, capture, answers, recorded.warnings)
 
 
 def analyse(
@@ -131,14 +131,18 @@ def _capture_name(run: RunRecord, at: datetime) -> Path:
 
 
 def _concluded(
-    workshop: Workshop, run: RunRecord, capture: CaptureFile, answers: Sequence[Sequence[AxisResult]]
+    workshop: Workshop,
+    run: RunRecord,
+    capture: CaptureFile,
+    answers: Sequence[Sequence[AxisResult]],
+    remarks: tuple[str, ...],
 ) -> RunEnd:
     """Judge every axis by its best result and store all of it in one transaction."""
     now = workshop.wall_time()
     repository = workshop.repository
     reported = best(answers[0], answers[-1])
     others = [beside(result) for answer in answers for result in answer if result not in reported]
-    end = _end(run, now, capture, reported)
+    end = replace(_end(run, now, capture, reported), remarks=remarks)
     if not is_measurement(run):
         repository.finish_run(end, [beside(result) for result in reported] + others)
         return end

@@ -143,7 +143,10 @@ class CaptureFile:
 
 @dataclass(frozen=True)
 class RunRecord:
-    """One run. ``reason`` and ``detail`` are None unless it was refused or failed."""
+    """One run. ``reason`` and ``detail`` are None unless it was refused or failed.
+
+    ``remarks`` are what was noticed and ended nothing: warnings of drives and sensors, in sentences.
+    """
 
     id: int
     kind: RunKind
@@ -160,6 +163,7 @@ class RunRecord:
     capture: CaptureFile | None = None
     idempotency_key: str | None = None
     steps: StepParameters | None = None
+    remarks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -195,6 +199,7 @@ class RunEnd:
     reason: str | None = None
     detail: str | None = None
     capture: CaptureFile | None = None
+    remarks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

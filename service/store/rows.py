@@ -82,6 +82,7 @@ def run_of(row: RowMapping, axes: tuple[str, ...]) -> RunRecord:
         capture=capture,
         idempotency_key=row["idempotency_key"],
         steps=None if row["step_length_m"] is None else steps,
+        remarks=tuple(row["remarks"] or ()),
     )
 
 

@@ -66,6 +66,7 @@ def end_values(end: RunEnd) -> dict[str, Any]:
         "finished_at_utc": end.finished_at,
         "reason": end.reason,
         "detail": end.detail,
+        "remarks": list(end.remarks) or None,
         "capture_path": None if end.capture is None else end.capture.path,
         "capture_sha256": None if end.capture is None else end.capture.sha256,
     }

@@ -89,6 +89,7 @@ runs = Table(
     Column("finished_at_utc", UtcDateTime),
     Column("reason", String(64)),
     Column("detail", Text),
+    Column("remarks", JSON(none_as_null=True)),
     Column("capture_path", Text),
     Column("capture_sha256", String(64)),
     Column("idempotency_key", String(255)),

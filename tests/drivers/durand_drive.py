@@ -170,6 +170,12 @@ class DurandDrive:
         self._enter(FAULT)
         self.node.emcy.set(code, 0x21)
 
+    def warn(self, code: int) -> None:
+        """An EMCY for an error with which the drive goes on; statusword bit 7 tells it, too."""
+        self._bits |= 0x80
+        self._enter(self._state)
+        self.node.emcy.set(code, 0x09)
+
     def reboot(self) -> None:
         self.node.nmt.reset()
 

@@ -185,6 +185,23 @@ def test_emergency_in_mid_move_raises_code_and_text() -> None:
             assert peer.powered
 
 
+def test_an_emergency_of_a_drive_that_goes_on_is_a_remark_and_stops_nothing() -> None:
+    told: list[str] = []
+    with ExitStack() as stack:
+        peer = stack.enter_context(durand_drive(CHANNEL))
+        bus = stack.enter_context(Bus(BUS))
+        drive = stack.enter_context(Drive(bus, CONFIG, on_fault=lambda d: told.append(d.name)))
+        assert drive.remarks() == ()
+        with drive.enabled():
+            drive.start(MOVE)
+            peer.warn(0x4310)
+            drive.wait_standstill()
+        assert peer.position == 20_000
+        assert told == []
+        (remark,) = drive.remarks()
+        assert "0x4310, drive too hot (error register 0x09), and went on" in remark
+
+
 def test_a_fault_whose_emergency_was_lost_is_read_from_the_drive() -> None:
     with machine() as (drive, peer, _):
         peer.node.emcy.enable = False

@@ -123,6 +123,18 @@ def test_a_faulty_machine_never_leaves_a_value(
         assert flankwatch.repository.history("Y").b.size == 0
 
 
+def test_a_drive_that_warns_and_goes_on_leaves_a_value_and_a_remark(tmp_path: Path) -> None:
+    machine = partial(open_demo, drive_faults={"Y": DriveFaults(warns_in_move=4)})
+    with house(demo_settings(tmp_path), machine, refine=False) as flankwatch:
+        number = run(flankwatch, "Y")
+        record = flankwatch.repository.run(number)
+        assert (record.state, record.detail) == ("ok", None)
+        (remark,) = record.remarks
+        assert "Y (node 3) warned of 0x4310, drive too hot" in remark
+        with TestClient(flankwatch.web(), base_url="http://localhost") as client:
+            assert client.get(f"/api/v1/runs/{number}").json()["remarks"] == [remark]
+
+
 def test_a_run_that_was_cut_short_is_failed_at_the_next_start(tmp_path: Path) -> None:
     settings = demo_settings(tmp_path)
     with house(settings, open_demo) as flankwatch:

@@ -35,6 +35,7 @@ async function contents(run) {
   const parts = [];
   if (run.other_steps) parts.push(el("p", { class: "soft" }, otherSteps(run.other_steps)));
   if (run.detail) parts.push(el("p", { class: "note" }, run.detail));
+  parts.push(...run.remarks.map((remark) => el("p", { class: "note" }, `${remark}.`)));
   parts.push(...run.results.flatMap((result) => resultParts(run, result)));
   parts.push(...run.model_checks.map(modelCheck));
   if (run.capture_sha256) {
