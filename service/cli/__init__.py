@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import typer
 
-from service.cli import machine, planning, recordings
+from service.cli import machine, planning, recordings, upkeep
 
 __all__ = ["app", "main"]
 
@@ -27,6 +27,8 @@ for _command in (
     machine.check_config,
     planning.plan,
     recordings.picture,
+    upkeep.backup,
+    upkeep.restore,
 ):
     app.command()(_command)
 

@@ -14,6 +14,10 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextC
 if TYPE_CHECKING:
     from service.config import Settings
 
+ConfigOption = Annotated[
+    Path,
+    typer.Option("--config", "-c", help="Configuration of the machine (TOML).", envvar="FLANKWATCH_CONFIG"),
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON (SI units) on stdout, nothing else.")]
 UrlOption = Annotated[str, typer.Option(help="Where the service listens.", envvar="FLANKWATCH_URL")]
 

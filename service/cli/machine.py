@@ -16,6 +16,7 @@ from rich.console import Console
 from service.cli.common import (
     DEFAULT_CONFIG,
     LOCAL_SERVICE,
+    ConfigOption,
     JsonOption,
     UrlOption,
     advance,
@@ -31,11 +32,6 @@ if TYPE_CHECKING:
     from service.config import Settings
     from service.motion.process import MachineOpener
     from service.store.records import RunRecord
-
-ConfigOption = Annotated[
-    Path,
-    typer.Option("--config", "-c", help="Configuration of the machine (TOML).", envvar="FLANKWATCH_CONFIG"),
-]
 
 
 def demo(

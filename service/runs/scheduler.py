@@ -1,4 +1,4 @@
-"""The nightly runs: looks at the clock, puts what is due into the box, says when a night was missed."""
+"""The nightly runs and the daily backup: looks at the clock, puts what is due into the box, says what was missed."""
 
 from __future__ import annotations
 
@@ -36,28 +36,30 @@ class Scheduler(AbstractContextManager["Scheduler"]):
         self._thread = threading.Thread(target=self._work, name="scheduler")
 
     def __enter__(self) -> Scheduler:
-        if self._settings.schedule.nightly:
-            self._thread.start()
+        self._thread.start()
         return self
 
     def __exit__(self, *exc: object) -> None:
         self._stop.set()
-        if self._thread.is_alive():
-            self._thread.join()
+        self._thread.join()
 
     def look(self) -> None:
-        """Start what is due now, if the box is free; note the nights that were missed."""
+        """Start what is due now, if the box is free; note the nights that were missed; back up once a day."""
+        now = self._workshop.wall_time()
+        if self._settings.schedule.nightly:
+            self._look_at_nights(now)
+        self._back_up_daily(now)
+
+    def _look_at_nights(self, now: datetime) -> None:
         schedule = self._settings.schedule
         zone = ZoneInfo(self._settings.machine.timezone)
         late = timedelta(minutes=schedule.late_by_at_most_min)
-        now = self._workshop.wall_time()
         day = local_date_due(now, schedule.at, zone, late)
         if day is not None:
             self._start_next(day)
         for axis in self._workshop.repository.axes():
             missed = nights_without(self._last_value(axis.name), now, schedule.at, zone, late)
             self._judge_nights(axis.name, missed, now)
-        self._back_up_daily(now)
 
     def _start_next(self, day: date) -> None:
         """Put the first group that has no run of this local date yet into the box; the others follow."""

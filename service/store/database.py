@@ -56,7 +56,7 @@ class Database:
     def backup(self, folder: Path, at: datetime, keep: int = 14) -> Path:
         """Write a backup by VACUUM INTO, check it, and drop the oldest beyond ``keep``; return its path."""
         target = folder / f"{self.path.stem}-{at:%Y%m%dT%H%M%S}.sqlite"
-        _vacuum_into(self.path, target)
+        vacuum_into(self.path, target)
         for old in backups(folder, self.path.stem)[keep:]:
             old.unlink()
         return target
@@ -78,7 +78,7 @@ def open_database(path: Path, backup_folder: Path | None = None) -> Database:
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     folder = backup_folder or path.parent / "backups"
-    lock_file = _take_writers_lock(path)
+    lock_file = take_writers_lock(path)
     try:
         _prepare(path, folder)
         return Database(path, lock_file)
@@ -144,7 +144,8 @@ def _set_up(connection: Any, journal: str, read_only: bool) -> None:
     connection.execute("PRAGMA foreign_keys = ON")
 
 
-def _take_writers_lock(path: Path) -> IO[str]:
+def take_writers_lock(path: Path) -> IO[str]:
+    """Become the one writer of a store until the file is closed; StoreInUseError where there is one."""
     lock_file = path.with_name(path.name + ".lock").open("a", encoding="ascii")
     try:
         fcntl.flock(lock_file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -173,11 +174,9 @@ def _refuse_vanished(path: Path, backup_folder: Path) -> None:
     if known or wal.exists():
         evidence = known[0] if known else wal
         raise StoreVanishedError(
-            f"{path} is absent, though {evidence} shows that it was there: a wrong path, a disk that is not "
-            f"mounted, "
-            f"or a deleted file. Mount the disk, or copy the newest backup to {path}; to start with an "
-            f"empty history "
-            f"on purpose, move the backups away"
+            f"{path} is absent, though {evidence} shows that it was there: a wrong path, a disk that is not mounted, "
+            "or a deleted file. Mount the disk, or put the newest backup back with `flankwatch restore`; to start "
+            "with an empty history on purpose, move the backups away"
         )
 
 
@@ -191,34 +190,50 @@ def _create(path: Path) -> None:
             migrations.upgrade(connection)
     finally:
         engine.dispose()
-    _sync(half)
+    sync(half)
     half.replace(path)
-    _sync(path.parent)
+    sync(path.parent)
 
 
 def _migrate(path: Path, backup_folder: Path) -> None:
     """Bring an older file up, after a backup of it."""
     engine = _engine(path)
     try:
-        with engine.begin() as connection:
-            found = connection.execute(text("SELECT version_num FROM alembic_version")).scalar_one()
-        known = migrations.revisions()
-        if found not in known:
-            raise StoreTooNewError(
-                f"{path} has revision {found}, this installation knows {known[0]} as the newest: it was "
-                f"written by a "
-                "newer Flankwatch. Install that version, or restore the backup made before it was installed"
-            )
-        if found == known[0]:
+        newest = migrations.revisions()[0]
+        if require_known_revision(path) == newest:
             return
-        _vacuum_into(path, backup_folder / f"{path.stem}-before-{known[0]}.sqlite")
+        vacuum_into(path, backup_folder / f"{path.stem}-before-{newest}.sqlite")
         with engine.begin() as connection:
             migrations.upgrade(connection)
     finally:
         engine.dispose()
 
 
-def _vacuum_into(source: Path, target: Path) -> None:
+def require_known_revision(path: Path) -> str:
+    """Return the revision of a store's tables; StoreTooNewError where this installation does not know it."""
+    with open_for_reading(path) as connection:
+        found = str(connection.execute(text("SELECT version_num FROM alembic_version")).scalar_one())
+    known = migrations.revisions()
+    if found not in known:
+        raise StoreTooNewError(
+            f"{path} has revision {found}, this installation knows {known[0]} as the newest: it was written by a "
+            "newer Flankwatch. Install that version, or restore the backup made before it was installed"
+        )
+    return found
+
+
+@contextmanager
+def open_for_reading(path: Path) -> Iterator[Connection]:
+    """One consistent view of a store that is nobody's, such as a backup."""
+    engine = _engine(path, read_only=True)
+    try:
+        with engine.begin() as connection:
+            yield connection
+    finally:
+        engine.dispose()
+
+
+def vacuum_into(source: Path, target: Path) -> None:
     """Copy a live store into a new, checked file, which appears under its name only when it is whole."""
     target.parent.mkdir(parents=True, exist_ok=True)
     partial = target.with_name(target.name + ".partial")
@@ -228,10 +243,10 @@ def _vacuum_into(source: Path, target: Path) -> None:
         connection.execute("VACUUM INTO ?", (str(partial),))
     finally:
         connection.close()
-    _sync(partial)
+    sync(partial)
     verify(partial)
     partial.replace(target)
-    _sync(target.parent)
+    sync(target.parent)
 
 
 def _check(connection: Connection, path: Path) -> None:
@@ -247,12 +262,12 @@ def _check(connection: Connection, path: Path) -> None:
 def _corrupt(path: Path, what: str) -> str:
     return (
         f"{path} is damaged ({what}): a worn disk, or a power cut on a disk that does not keep its promises. "
-        "Nothing is measured on it. Move it aside with its -wal and -shm, check the disk, copy the newest backup "
-        "to its place; the captures on disk hold what came after"
+        "Nothing is measured on it. Check the disk, then put the newest backup in its place with `flankwatch "
+        "restore`, which keeps the damaged file aside; the captures on disk hold what came after"
     )
 
 
-def _sync(path: Path) -> None:
+def sync(path: Path) -> None:
     """Flush a file or a folder to the disk."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
