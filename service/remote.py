@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 import urllib.error
+import urllib.parse
 import urllib.request
 from collections.abc import Callable
 from typing import Any
@@ -40,6 +41,10 @@ class Service:
                 noted(progress["done"], progress["total"], progress["phase"])
             time.sleep(POLL)
         return run
+
+    def axis(self, name: str) -> dict[str, Any]:
+        """Return an axis as it stands. Raises RemoteError."""
+        return self._call("GET", f"/api/v1/axes/{urllib.parse.quote(name, safe='')}")
 
     def explain(self, run_id: int, tell: Callable[[str], None]) -> dict[str, Any]:
         """Have a stored run explained, wait for it, and return the explanation. Raises RemoteError."""

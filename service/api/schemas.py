@@ -22,6 +22,12 @@ class AxisView(Schema):
     tolerance_m: float | None = Field(
         description="How far the trend may be from the reference [m]; null when not set."
     )
+    repeatability_m: float | None = Field(
+        description="Standard deviation of one value [m], from the differences of neighbours; null below six values."
+    )
+    tolerance_hint: str | None = Field(
+        description="What to do where the tolerance is less than three times that; null where it is not."
+    )
     diagnostic_positions_m: list[float] = Field(
         description="Where along the rack a check steps [m], travelling there; empty: where the axis stands."
     )

@@ -13,6 +13,7 @@ from service.api.schemas import AxisView, ProgressView, RunDetail, RunView
 from service.api.value_schemas import ResultView, StepView, TrendView, ValueView
 from service.api.words import in_words
 from service.backlash.results import PlaceValue, StepResult
+from service.monitoring.repeatability import tolerance_hint
 from service.monitoring.trend import Trend
 from service.store.model_records import ExplanationRecord, RevisionRecord
 from service.store.records import (
@@ -130,6 +131,7 @@ def axis_view(
     latest: ValueRecord | None,
     alarms: Sequence[AlarmRecord],
     *,
+    sigma: float | None = None,
     diagnostic_positions: Sequence[float] = (),
     by_place: Sequence[PlaceValue] = (),
     declared: ValueRecord | None = None,
@@ -143,6 +145,8 @@ def axis_view(
         group=axis.group,
         reference_m=axis.reference,
         tolerance_m=axis.tolerance,
+        repeatability_m=sigma,
+        tolerance_hint=tolerance_hint(axis.tolerance, sigma),
         diagnostic_positions_m=list(diagnostic_positions),
         series=axis.series,
         current=None if current is None else value_view(current),

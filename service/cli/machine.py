@@ -81,6 +81,7 @@ def check(
         with progress_bar() as bar:
             task = bar.add_task(f"check {target}", total=None)
             run = service.check(target, lambda done, total, text: advance(bar, task, done, total, text))
+        axes = [service.axis(name) for name in run["axes"]]
     except RemoteError as error:
         complain(str(error))
         raise typer.Exit(1) from None
@@ -88,6 +89,8 @@ def check(
         print_json(run)
     else:
         print_run(run)
+        for hint in filter(None, (axis["tolerance_hint"] for axis in axes)):
+            Console(highlight=False, soft_wrap=True).print(hint, markup=False)
     if run["state"] != "ok":
         raise typer.Exit(1)
 

@@ -14,7 +14,8 @@ from service.api.replies import read_value_cursor, tagged, value_cursor
 from service.api.schemas import Axes, AxisView, HistoryPage
 from service.api.value_schemas import ByProductHistory
 from service.api.views import axis_view, value_view
-from service.monitoring.trend import trend
+from service.monitoring.repeatability import repeatability
+from service.monitoring.trend import SLOPE_VALUES, trend
 from service.store.records import DECLARED, AxisRecord, ValueRecord
 from service.store.repository import Repository
 
@@ -71,6 +72,7 @@ def _view(repository: Repository, settings: WebSettings, axis: AxisRecord) -> Ax
         _with_trend(repository, next(iter(accepted), None)),
         next(iter(latest), None),
         repository.alarms(axis=axis.name),
+        sigma=repeatability(repository.history(axis.name, limit=SLOPE_VALUES).b),
         diagnostic_positions=settings.diagnostic_positions.get(axis.name, ()),
         by_place=repository.parts.places(accepted[0].id) if accepted else (),
         declared=next(iter(declared), None) if axis.series != DECLARED else None,

@@ -33,7 +33,7 @@ async function history(axis) {
 export async function card(axis, axes, actions) {
   const { values, products } = await history(axis);
   return el("article", { class: `card ${axis.alarm_state}`, "aria-label": `Axis ${axis.name}` },
-    head(axis), value(axis), trend(axis), refusal(axis), model(axis, axes, actions),
+    head(axis), value(axis), trend(axis), hint(axis), refusal(axis), model(axis, axes, actions),
     ...axis.proposed.map((r) => proposal(r, axis, axes, actions)),
     ...axis.alarms.map((a) => alarm(a, actions)),
     curve(axis, values), map(axis), byProducts(axis, products), checkButton(axis, axes, actions));
@@ -68,6 +68,10 @@ function trend(axis) {
     parts.push(NO_REFERENCE);
   }
   return el("p", { class: "soft" }, parts.join(", "));
+}
+
+function hint(axis) {
+  return axis.tolerance_hint ? el("p", { class: "note" }, `${axis.tolerance_hint}.`) : null;
 }
 
 // With an accepted model revision: whose value this is, and what the declared model says beside it.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from tests.service.api.house import SVG, House, run_map, run_night
@@ -141,3 +142,17 @@ def test_an_axis_shows_the_map_of_its_current_value(house: House) -> None:
     ]  # fmt: skip
     assert "loose" in axis["by_place"][2]["reason_in_words"]
     assert house.get("/api/v1/axes/X1")["diagnostic_positions_m"] == []
+
+
+def test_a_tolerance_that_chance_leaves_is_said_with_the_axis(house: House) -> None:
+    """X1 scatters by 10 µm from night to night; 15 µm are less than three times that."""
+    scatter = np.random.default_rng(5).normal(0.0, 10e-6, 40)
+    for day, off in enumerate(scatter[:5]):
+        run_night(house.repository, day, 57e-6 + off)
+    early = house.get("/api/v1/axes/X1")
+    assert (early["repeatability_m"], early["tolerance_hint"]) == (None, None)
+    for day, off in enumerate(scatter[5:], 5):
+        run_night(house.repository, day, 57e-6 + off)
+    axis = house.get("/api/v1/axes/X1")
+    assert axis["repeatability_m"] == pytest.approx(10e-6, rel=0.4)
+    assert "tolerance_um" in axis["tolerance_hint"]
