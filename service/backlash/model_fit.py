@@ -22,6 +22,7 @@ from service.backlash.model_fit_stages import (
     Outcome,
     Staged,
     backlashes,
+    searched_again,
     staged_fit,
     with_heavier_chain,
 )
@@ -34,9 +35,9 @@ METHOD = "model_fit"
 
 MIN_STEPS = 4
 
-SINGLE = Effort()
-AGAIN = Effort(candidates=320, starts=4, refine=(2, 2, 2, 2, 3, 4, 5), settling=2)
-"""The further searches of a single axis. Few rounds between reconstructions: where the contact swings near half the
+SINGLE = Effort(tried=8, starts=2)
+AGAIN = Effort(candidates=320, starts=3, refine=(2, 2, 2, 2, 3, 4, 5), settling=2, seed=2)
+"""The further search of a single axis. Few rounds between reconstructions: where the contact swings near half the
 rate of the speed samples, a machine that is fitted to the end on one reconstruction takes the input's error into
 its parameters, and its reconstruction is worse for it."""
 
@@ -104,24 +105,16 @@ def model_fit_axes(recording: Recording, axis: str) -> dict[str, AxisResult]:
 
 
 def best_of_attempts(measured: Measured, axes: tuple[str, ...], guesses: dict[str, Guess]) -> Staged:
-    """A staged fit, and others from other random machines where it found no good minimum."""
-    single = len(axes) == 1
-    attempt, poor = (single_axis, POOR) if single else (gantry, POOR_GANTRY)
-    further = [replace(AGAIN, seed=2), replace(AGAIN, seed=3)] if single else [replace(GANTRY, seed=2)]
-    best = attempt(measured, axes, guesses, SINGLE if single else GANTRY)
-    for effort in further:
-        if best.best.fit.misfit < poor:
-            break
-        best = min(best, attempt(measured, axes, guesses, effort), key=lambda staged: staged.best.fit.cost)
-        poor = max(poor, MISFIT_LIMIT)
-    return best
-
-
-def single_axis(
-    measured: Measured, axes: tuple[str, ...], guesses: dict[str, Guess], effort: Effort
-) -> Staged:
-    """One search and fit of a single axis, gear and pinion as masses."""
-    return staged_fit(measured, Model(axes, 2), guesses, effort)
+    """A staged fit, and another from other random machines where it found no good minimum."""
+    if len(axes) == 1:
+        found = staged_fit(measured, Model(axes, 2), guesses, SINGLE)
+        poor = found.best.fit.misfit > POOR
+        return searched_again(measured, found, Model(axes, 2), guesses, AGAIN) if poor else found
+    found = gantry(measured, axes, guesses, GANTRY)
+    if found.best.fit.misfit < POOR_GANTRY:
+        return found
+    again = gantry(measured, axes, guesses, replace(GANTRY, seed=2))
+    return min(found, again, key=lambda staged: staged.best.fit.cost)
 
 
 def gantry(measured: Measured, axes: tuple[str, ...], guesses: dict[str, Guess], effort: Effort) -> Staged:

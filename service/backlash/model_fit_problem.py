@@ -18,7 +18,7 @@ from scipy.interpolate import PPoly
 
 from service.dynamics.driven import Response, simulate
 from service.dynamics.driven_model import LINKS, Model, Parameter, Values
-from service.dynamics.driven_motion import StepGrid, coefficients
+from service.dynamics.driven_motion import StepGrid, between, coefficients
 from service.recording import FloatArray
 
 DIFFERENCE = 1e-4
@@ -50,6 +50,9 @@ class Problem:
     local_spread : (L,) prior of the load's initial position [m] and speed [m/s] against the contact's own, and where
         there is a third, of the motor's position [m] against its integrated speed
     free : which of the model's parameters are fitted; others stay at their start
+    echoes : (T, X) how the motor's motion between its samples follows the force on it, see driven_reconstruction.echo;
+        empty where it is held
+    force : (T, X, K + 1) the force that `motion` was reconstructed with [m/s²]
     """
 
     model: Model
@@ -58,6 +61,8 @@ class Problem:
     noise: FloatArray
     local_spread: FloatArray
     free: tuple[bool, ...]
+    echoes: tuple[tuple[FloatArray, ...], ...] = ()
+    force: FloatArray | None = None
 
     @property
     def s(self) -> FloatArray:
@@ -74,7 +79,10 @@ class Problem:
 
     def first_steps(self, n: int) -> Problem:
         """The same problem with the first n steps only."""
-        return replace(self, grids=self.grids[:n], motion=self.motion[:n])
+        force = None if self.force is None else self.force[:n]
+        return replace(
+            self, grids=self.grids[:n], motion=self.motion[:n], echoes=self.echoes[:n], force=force
+        )
 
     def fixed_to(self, names: Sequence[str]) -> Problem:
         """The same problem in which only parameters ending in one of `names` are free."""
@@ -162,9 +170,27 @@ def respond(problem: Problem, shared: FloatArray, local: FloatArray) -> Response
     c = motor_coefficients(problem, skews)
     if len(problem.local_spread) > 2:
         c[..., 0] += (local[..., 2] * problem.local_spread[2])[:, :, None]
-    return simulate(
-        problem.model, free, c, problem.s, load_start(problem, values, c, local), problem.grids[0].h
-    )
+
+    def simulated(c: FloatArray) -> Response:
+        load = load_start(problem, values, c, local)
+        return simulate(problem.model, free, c, problem.s, load, problem.grids[0].h)
+
+    response = simulated(c)
+    return simulated(c + followed(problem, response.force)) if problem.echoes else response
+
+
+def followed(problem: Problem, force: FloatArray) -> FloatArray:
+    """What the motors' motion changes with the force on them: (S, T, X, K + 1) -> (S, T, K, X, 5)."""
+    S, T, X, points = force.shape
+    out = np.empty((S, T, points - 1, X, 5))
+    assert problem.force is not None
+    for t in range(T):
+        for x in range(X):
+            moved_x, moved_v, moved_a = (force[:, t, x] - problem.force[t, x]) @ problem.echoes[t][
+                x
+            ].swapaxes(1, 2)
+            out[:, t, :, x] = between(moved_x, moved_v, moved_a, problem.grids[0].h)
+    return out
 
 
 def residuals(problem: Problem, response: Response) -> FloatArray:

@@ -59,7 +59,7 @@ class DrivenEffect:
     own_nuisance, shared_nuisance : the same for what is found anew in every step; 0 is its likeliest value
     shapes : where a score is taken and a fit started: values of `own` and `shared` by name, others at typical
     states : how many states it adds, positions each followed by its speed; they start at zero
-    gaps : how many gaps it adds; motions : how many input motions
+    gaps : how many gaps it adds; motions : how many input motions; curves : how many forces given as curves
     bends_friction : it adds to a guide's tabulated friction
     """
 
@@ -105,6 +105,10 @@ class DrivenEffect:
 
     @property
     def motions(self) -> int:
+        return 0
+
+    @property
+    def curves(self) -> int:
         return 0
 
     def restate(self, values: Values) -> Values:

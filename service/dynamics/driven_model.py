@@ -109,7 +109,7 @@ def assemble(model: Model, case: Case) -> LinearSystem:
         X + sum(effect.motions for effect in model.effects),
         model.first_free_gap + sum(effect.gaps for effect in model.effects),
         CONSTANTS,
-        X if curved else 0,
+        (X if curved else 0) + sum(effect.curves for effect in model.effects),
     )
     for axis in range(X):
         add_axis(system, model, values, axis)

@@ -10,6 +10,7 @@ import numpy as np
 
 from service.dynamics.driven_effect import Case, DrivenEffect, Room
 from service.dynamics.driven_model import join, spring_damper
+from service.dynamics.driven_motion import between
 from service.dynamics.driven_parameters import LINKS, Parameter
 from service.dynamics.driven_propagation import LinearSystem
 from service.recording import FloatArray
@@ -133,11 +134,3 @@ def grid_points(c: FloatArray, h: float) -> FloatArray:
     last, powers = c[:, :, -1:], h ** np.arange(c.shape[-1]) / np.array([1.0, 1.0, 2.0, 6.0, 24.0])
     ends = [last[..., j:] @ powers[: c.shape[-1] - j] for j in range(3)]
     return np.concatenate((c[..., :3], np.stack(ends, axis=-1)), axis=2)
-
-
-def between(x: FloatArray, v: FloatArray, a: FloatArray, h: float) -> FloatArray:
-    """Polynomials that have speed and acceleration at both ends of every interval: (…, K + 1) -> (…, K, 5)."""
-    mean, first, last = np.diff(v, axis=-1) / h, a[..., :-1], a[..., 1:]
-    bend = (6.0 * mean - 4.0 * first - 2.0 * last) / h
-    fourth = 6.0 * (first + last - 2.0 * mean) / h**2
-    return np.stack((x[..., :-1], v[..., :-1], first, bend, fourth), axis=-1)
