@@ -146,10 +146,16 @@ def _leave(run_id: int) -> None:
 
 
 def draw_step(workshop: Workshop, run: RunRecord, axis: str, step: int) -> str | None:
-    """Picture of one step of a stored run as SVG; None where its capture or the step is not there."""
+    """Picture of one step of a stored run as SVG, with t1 and t2 of the reported method where it has steps.
+
+    None where the capture or the step is not there.
+    """
     if run.capture is None:
         return None
-    results = [value.outcome.result for value in workshop.repository.outcomes(run.id)]
+    outcomes = sorted(
+        (value.outcome for value in workshop.repository.outcomes(run.id)), key=lambda one: not one.reported
+    )
+    results = (outcome.result for outcome in outcomes)
     result = next((r for r in results if r.axis == axis and step < len(r.steps)), None)
     if result is None:
         return None
@@ -184,8 +190,8 @@ def _axis_records(settings: Settings) -> list[AxisRecord]:
         AxisRecord(
             name=axis.name,
             group=settings.group_of(axis.name) or axis.name,
-            reference=None if axis.reference_um is None else axis.reference_um * 1e-6,
-            tolerance=axis.tolerance_um * 1e-6,
+            reference=None if axis.reference_um is None else axis.reference_um / 1e6,
+            tolerance=axis.tolerance_um / 1e6,
         )
         for axis in settings.axis
     ]

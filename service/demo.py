@@ -163,9 +163,20 @@ def _compared_json(axis: ComparedAxis) -> dict[str, Any]:
     }
 
 
-def demo_settings(directory: Path, port: int = 8470) -> Settings:
-    """Configuration of the simulated machine; its data lie under ``directory``, its API on loopback."""
+PLACES: Mapping[str, tuple[float, ...]] = {"Y": (-0.1, 0.1)}
+"""Where the demo steps along the rack [m], for those who want to see a map."""
+
+
+def demo_settings(
+    directory: Path, port: int = 8470, places: Mapping[str, tuple[float, ...]] | None = None
+) -> Settings:
+    """Configuration of the simulated machine; its data lie under ``directory``, its API on loopback.
+
+    ``places`` are diagnostic positions by axis [m]; without them every axis steps where it stands.
+    """
     axes = [_axis("X1", 1, sync_producer=True), _axis("X2", 2), _axis("Y", 3)]
+    for axis in axes:
+        axis["diagnostic_positions_m"] = (places or {}).get(str(axis["name"]), ())
     return Settings.model_validate(
         {
             "machine": {"name": "simulated laser cutter", "timezone": "UTC"},
@@ -197,6 +208,7 @@ def _axis(name: str, node_id: int, sync_producer: bool = False) -> dict[str, obj
         "acceleration_limit_m_s2": 10.0,
         "reference_um": round(TRUTH[name] * 1e6),
         "tolerance_um": 20.0,
+        "moved_mass_kg": parameters.M,
         "accelerometer": {
             "bus": "sensors",
             "data_id": 0x300 + node_id,

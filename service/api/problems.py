@@ -102,15 +102,24 @@ async def respond_http(request: Request, error: Exception) -> JSONResponse:
 
 async def _invalid(request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, RequestValidationError)
-    fields = [
-        InvalidField(
-            location=".".join(str(part) for part in item["loc"]),
-            message=item["msg"].removeprefix("Value error, "),
-        )
-        for item in error.errors()
-    ]
+    fields = [_field(item) for item in error.errors()]
     detail = "; ".join(f"{field.location}: {field.message}" for field in fields)
     return _respond(request, _problem(422, "invalid-request", "Invalid request", detail, errors=fields))
+
+
+def _field(item: Mapping[str, Any]) -> InvalidField:
+    """Name one fault; a body that is not even an object is told what it should be."""
+    kind = item.get("type")
+    if kind == "json_invalid":
+        where = f" (at character {item['loc'][-1]})" if isinstance(item["loc"][-1], int) else ""
+        return InvalidField(location="body", message=f"is not JSON{where}")
+    if item["loc"] == ("body",) and kind in ("model_attributes_type", "missing"):
+        told = "is not a JSON object; send one, with the header Content-Type: application/json"
+        return InvalidField(location="body", message=told)
+    return InvalidField(
+        location=".".join(str(part) for part in item["loc"]),
+        message=item["msg"].removeprefix("Value error, "),
+    )
 
 
 async def _unknown(request: Request, error: Exception) -> JSONResponse:

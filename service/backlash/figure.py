@@ -48,7 +48,8 @@ def step_picture(recording: Recording, axis: str, index: int, result: AxisResult
     signals = axis_signals(recording, axis)
     move = recording.moves[index]
     step = _step_of(result, index)
-    title = f"{axis}, step {index}, {'forward' if move.direction > 0 else 'backward'}"
+    way = "forward" if move.direction > 0 else "backward"
+    title = f"{axis}, step {index + 1} of {len(recording.moves)}, {way}"
     if signals is None:
         return _document(title, [_text(WIDTH / 2, HEIGHT / 2, "not recorded", anchor="middle")])
     curves = _curves(signals, move)

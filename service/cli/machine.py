@@ -43,11 +43,11 @@ def demo(
     ] = None,
 ) -> None:
     """Run the whole product against a simulated laser cutter: a gantry and a single axis on virtual CAN."""
-    from service.demo import compare, demo_settings, open_demo
+    from service.demo import PLACES, compare, demo_settings, open_demo
 
     with ExitStack() as stack:
         folder = directory or Path(stack.enter_context(TemporaryDirectory(prefix="flankwatch-")))
-        settings = demo_settings(folder, port)
+        settings = demo_settings(folder, port, PLACES)
         house = stack.enter_context(_opened(settings, partial(open_demo, paced=not once), refine=not once))
         runs = [_run_group(house, group) for group in settings.groups]
         comparison = compare(house, runs)

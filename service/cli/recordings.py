@@ -117,7 +117,7 @@ def picture(
     file: Annotated[Path, typer.Argument(help="Capture.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="SVG to write.")],
     axis: Annotated[str | None, typer.Option(help="Axis; the first one of the capture if not given.")] = None,
-    step: Annotated[int, typer.Option(min=0, help="Index of the step.")] = 0,
+    step: Annotated[int, typer.Option(min=0, help="Number of the step, from 0.")] = 0,
 ) -> None:
     """Draw one step of a capture: motor and load acceleration, t1 and t2."""
     from service.backlash.estimate import immediate

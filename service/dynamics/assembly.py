@@ -36,6 +36,10 @@ class Setpoint(Protocol):
     def braked(self) -> bool: ...
 
 
+_NO_TORQUE = 1e-12
+"""Torque [N m] that a current which dies away exponentially is set to zero at, before it is a slow tiny number."""
+
+
 class Coupled:
     """Axes that act on each other, as one mechanism: a single axis, or the two of a gantry."""
 
@@ -125,6 +129,8 @@ class _Servo:
             self._setpoints = list(zip(*(column.tolist() for column in columns), strict=True))
         else:
             self._controller.disable()
+            if abs(w.item(self._T)) < _NO_TORQUE:
+                w[self._T] = 0.0
 
     def command(self, k: int) -> None:
         """Set the torque command for the block's sub-step ``k``."""

@@ -16,6 +16,7 @@ from service.dynamics.modes import HALVINGS, Condition, Key, Layout, Mode, build
 
 _TICKS = 2**HALVINGS
 _TOLERANCE = -1e-12  # 1e-12 m/s, 1e-12 m, 1e-7 N: below anything physical, above the rounding
+_MOST_VAIN = 16  # searches in a sub-step for events that turn out to be none: a condition on its very edge
 _MOST_CHANGES = 16  # at one instant: each sliding and each contact can change once, and change back
 
 
@@ -107,17 +108,21 @@ class Propagator:
         return [c for c, value in zip(mode.conditions, gauge, strict=True) if value < _TOLERANCE]
 
     def _step_through_events(self) -> None:
-        done = 0
+        done = vain = 0
         while done < _TICKS:
-            done += self._walk(_TICKS - done)
-            self._change_mode((self.sub_steps + done / _TICKS) * self.dt)
+            done += self._walk(_TICKS - done, search=vain < _MOST_VAIN)
+            vain += not self._change_mode((self.sub_steps + done / _TICKS) * self.dt)
 
-    def _walk(self, ticks: int) -> int:
-        """Go on by the largest power of two in ``ticks``, or just past the event before its end."""
+    def _walk(self, ticks: int, search: bool) -> int:
+        """Go on by the largest power of two in ``ticks``, or just past the event before its end.
+
+        Without ``search`` no event is looked for: by rounding, a condition that a machine at rest meets exactly
+        can be broken after eight ticks and not after four and four, over and over.
+        """
         level = HALVINGS - (ticks.bit_length() - 1)
         size = 1 << (HALVINGS - level)
         trial = self.mode.propagators[level].dot(self.w)
-        if self._holds(trial):
+        if not search or self._holds(trial):
             self.w = trial
             return size
         gone = 0
@@ -130,13 +135,14 @@ class Propagator:
         self.w = self.mode.propagators[HALVINGS].dot(self.w)
         return gone + 1
 
-    def _change_mode(self, time: float) -> None:
-        """Change contacts and slidings until none of the mode's conditions is broken."""
-        for _ in range(_MOST_CHANGES):
+    def _change_mode(self, time: float) -> bool:
+        """Change contacts and slidings until none of the mode's conditions is broken; whether any was."""
+        for changes in range(_MOST_CHANGES):
             broken = self._broken(self.w)
             if not broken:
-                return
+                return changes > 0
             self._apply(broken[0], time)
+        return True
 
     def _apply(self, broken: Condition, time: float) -> None:
         contacts, slidings = list(self._key.contacts), list(self._key.slidings)

@@ -84,8 +84,8 @@ def training_runs(repository: Repository, folder: Path, run: RunRecord) -> tuple
     if not found:
         raise NothingToExplain(
             "no-train-run",
-            f"before run {run.id} there is no sound run of {run.group} whose capture is still there; the model is "
-            "fitted to an earlier run and judged on this one. Check the axis once more and explain that run",
+            f"there is no earlier sound run of {run.group} to fit the model to, and no model is judged on the run that "
+            f"it was fitted to. Check {run.group} once more: that run is judged by a fit to this one",
         )
     return tuple(reversed(found))
 

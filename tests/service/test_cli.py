@@ -136,7 +136,7 @@ def test_a_picture_of_a_step_is_drawn(sound: Recording, tmp_path: Path) -> None:
     assert call("picture", capture, "--out", out, "--step", 3).exit_code == 0
     drawn = out.read_text(encoding="utf-8")
     assert drawn.startswith("<svg")
-    assert "step 3, backward" in drawn
+    assert "step 4 of 10, backward" in drawn
     refused = call("picture", capture, "--out", out, "--step", 99)
     assert refused.exit_code == 1
     assert "no step 99" in refused.stderr

@@ -28,17 +28,8 @@ WEAR = 30e-6
 
 def settings_at(folder: Path, *axes: str, steps: int = 10) -> Settings:
     """The demo's machine with diagnostic positions on some axes."""
-    plain = demo_settings(folder)
-    return Settings.model_validate(
-        plain.model_dump()
-        | {
-            "axis": [
-                axis.model_dump() | {"diagnostic_positions_m": PLACES if axis.name in axes else ()}
-                for axis in plain.axis
-            ],
-            "excitation": {"steps": steps},
-        }
-    )
+    plain = demo_settings(folder, places=dict.fromkeys(axes, PLACES))
+    return Settings.model_validate(plain.model_dump() | {"excitation": {"steps": steps}})
 
 
 def go_on() -> None:

@@ -1,7 +1,7 @@
 // One card per axis: where its backlash stands, what is wrong, and what can be done.
 
 import { curve } from "./chart.js";
-import { el, getJson, interval, openPage, um, when } from "./dom.js";
+import { byMethod, el, getJson, interval, openPage, um, when } from "./dom.js";
 import { alongRack } from "./map.js";
 import { byProducts } from "./products.js";
 
@@ -52,7 +52,7 @@ function value(axis) {
   const box = el("div", {});
   box.append(
     el("div", { class: "value" }, um(now.backlash_m), el("small", {}, ` ${interval(now.backlash_m, now.interval_95_m)} µm`)),
-    el("p", { class: "soft" }, `measured ${when(now.measured_at)}, run ${now.run_id}, method ${now.method}`));
+    el("p", { class: "soft" }, `measured ${when(now.measured_at)}, run ${now.run_id}, ${byMethod(now.method)}`));
   if (axis.revision) box.append(el("p", { class: "soft" }, revisedText(axis)));
   return box;
 }
@@ -87,7 +87,7 @@ function model(axis, axes, actions) {
   const check = axis.model_check;
   if (!check || axis.proposed.length > 0) return null;
   const found = check.in_words[axis.name];
-  const text = `Model check of run ${check.run_id}: ${found ?? `cannot tell. ${check.detail ?? "This axis was not judged."}`}`;
+  const text = `Model check of run ${check.run_id}: ${found ?? `cannot tell: ${check.detail ?? "this axis was not judged"}.`}`;
   const said = el("p", { class: found?.startsWith("Something") ? "note" : "soft" }, text, " ", page(check));
   const move = check.separating_moves[axis.name];
   return move ? el("div", { class: "note proposal" }, el("p", {}, text, " ", page(check)), moveButton(move, axis, axes, actions)) : said;

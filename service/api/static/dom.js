@@ -26,6 +26,9 @@ export const um = (metres, digits = 1) => (metres * 1e6).toFixed(digits);
 export const rounded = (value, digits = 3) =>
   (Math.abs(value) >= 10 ** digits ? value.toFixed(0) : Number(value.toPrecision(digits)).toString());
 
+const METHODS = { paper: "the paper's thresholds", model_fit: "the fit of the whole model", revised_model: "the revised model" };
+export const byMethod = (method) => `by ${METHODS[method] ?? method}`;
+
 // The half width where value ± half is true to a digit, both ends where it is not.
 export function interval(value, ends) {
   if (!ends) return "";

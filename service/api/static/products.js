@@ -13,22 +13,23 @@ const isMoving = (product) => /^(growing|falling)/.test(product.shown.trend_in_w
 export function byProducts(axis, products) {
   if (products.length === 0) return null;
   const moving = products.filter(isMoving);
-  const news = moving.length ? moving.map((p) => `${p.label.toLowerCase()} ${p.shown.trend_in_words}`).join(", ") : "no trend";
+  const news = moving.length ? moving.map((p) => `${p.label.toLowerCase()} ${p.shown.trend_in_words}`).join(", ") : products[0].shown.trend_in_words;
   const box = el("details", { class: "products", open: open.has(axis.name) },
     el("summary", {}, `Stiffness and friction: ${news}`), el("ul", {}, ...products.map(row)));
   box.addEventListener("toggle", () => (box.open ? open.add(axis.name) : open.delete(axis.name)));
   return box;
 }
 
-// What a change means is told where there is one.
+// The trend where there is one, and what a change means.
 function row(product) {
   const { shown } = product;
-  const changes = isMoving(product) && product.says;
+  const trend = product.slope_per_day === null ? "" : shown.trend_in_words + (isMoving(product) && product.says ? ` (${product.says})` : "");
   return el("li", {}, el("span", {}, product.label), el("b", {}, `${rounded(shown.level)} ${shown.unit}`), spark(product),
-    el("small", { class: "soft" }, changes ? `${shown.trend_in_words} (${product.says})` : shown.trend_in_words));
+    trend && el("small", { class: "soft" }, trend));
 }
 
 function spark(product) {
+  if (product.items.length < 2) return el("span", {});
   const values = [...product.items].reverse().map((item) => item.value);
   const [low, high] = [Math.min(...values), Math.max(...values)];
   const x = (index) => MARGIN + (index * (WIDTH - 2 * MARGIN)) / Math.max(1, values.length - 1);

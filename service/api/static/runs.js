@@ -1,6 +1,6 @@
 // The list of runs; one opens to its values, steps and pictures.
 
-import { el, getBlobUrl, getJson, interval, openPage, rounded, um, when } from "./dom.js";
+import { byMethod, el, getBlobUrl, getJson, interval, openPage, rounded, um, when } from "./dom.js";
 
 const STATES = { queued: "waiting", running: "moving", ok: "measured", refused: "refused", failed: "failed" };
 
@@ -36,13 +36,19 @@ async function contents(run) {
   if (run.other_steps) parts.push(el("p", { class: "soft" }, otherSteps(run.other_steps)));
   if (run.detail) parts.push(el("p", { class: "note" }, run.detail));
   parts.push(...run.remarks.map((remark) => el("p", { class: "note" }, `${remark}.`)));
-  parts.push(...run.results.flatMap((result) => resultParts(run, result)));
+  parts.push(...inOrder(run.results).flatMap((result) => resultParts(run, result)));
   parts.push(...run.model_checks.map(modelCheck));
   if (run.capture_sha256) {
     parts.push(el("p", {}, el("button", { class: "quiet", onclick: () => download(run) }, "Download the recording")));
   }
   if (parts.length === 0) parts.push(el("p", { class: "soft" }, "Nothing was recorded in this run."));
   return parts;
+}
+
+// Axis by axis, the reported value first.
+function inOrder(results) {
+  const axes = [...new Set(results.map((result) => result.axis))];
+  return [...results].sort((a, b) => axes.indexOf(a.axis) - axes.indexOf(b.axis) || b.reported - a.reported);
 }
 
 function otherSteps(steps) {
@@ -54,16 +60,16 @@ function modelCheck(check) {
   const found = Object.entries(check.in_words).map(([axis, words]) => `${axis}: ${words}`).join(" ");
   const state = check.state === "queued" || check.state === "running" ? "is being made" : check.state.replace("_", " ");
   const link = check.report && el("a", { href: check.report, onclick: (event) => openPage(event, check.report) }, "Show why");
-  return el("p", { class: "soft" }, `Model check, fitted to run ${check.train_run_ids.join(", ") || "—"}: `
-    + (found || `${state}. ${check.detail ?? ""}`), " ", link);
+  return el("p", { class: "soft" }, `Model check${check.train_run_ids.length ? `, fitted to run ${check.train_run_ids.join(" and ")}` : ""}: `
+    + (found || `${state}${check.detail ? `: ${check.detail}.` : "."}`), " ", link);
 }
 
 function resultParts(run, result) {
   const text = result.backlash_m === null
     ? `no value. ${result.reason_in_words}`
     : `${um(result.backlash_m)} µm ${interval(result.backlash_m, result.interval_95_m)}`;
-  if (!result.reported) return [el("p", { class: "soft" }, `Beside it, by method ${result.method}: ${text}`)];
-  const parts = [el("h3", {}, `Axis ${result.axis}: ${text}`), el("p", { class: "soft" }, `method ${result.method}`)];
+  if (!result.reported) return [el("p", { class: "soft" }, `Beside it, ${byMethod(result.method)}: ${text}`)];
+  const parts = [el("h3", {}, `Axis ${result.axis}: ${text}`), el("p", { class: "soft" }, byMethod(result.method))];
   if (result.detail) parts.push(el("p", { class: "soft" }, result.detail));
   parts.push(...meaning(result));
   if (result.steps.length === 0) return parts;

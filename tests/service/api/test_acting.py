@@ -58,6 +58,22 @@ def test_what_is_not_understood_moves_nothing(house: House, body: object) -> Non
     assert house.get("/api/v1/runs")["items"] == []
 
 
+@pytest.mark.parametrize(
+    ("content", "header", "says"),
+    [
+        ('{"axis":', "application/json", "body: is not JSON (at character 8)"),
+        ("axis=Y", "application/x-www-form-urlencoded", "with the header Content-Type: application/json"),
+        ("", "application/json", "is not a JSON object"),
+    ],
+)
+def test_a_body_that_is_no_object_is_told_what_it_should_be(
+    house: House, content: str, header: str, says: str
+) -> None:
+    response = house.client.post("/api/v1/checks", content=content, headers={"Content-Type": header})
+    assert response.status_code == 422
+    assert says in response.json()["detail"]
+
+
 def test_a_machine_that_cannot_move_says_why(house: House) -> None:
     house.box.unavailable = "no heartbeat from drive 2: check its supply and the CAN cable"
     response = house.client.post("/api/v1/checks", json={"axis": "X1"})

@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 from service.dynamics.axis import axis_mechanism
 from service.dynamics.forces import Contact, flank_force
+from service.dynamics.gantry import gantry_mechanism
 from service.dynamics.mechanism import Mechanism, free_bodies
-from service.dynamics.parameters import AxisParameters, Friction
+from service.dynamics.modes import Key
+from service.dynamics.parameters import AxisParameters, Friction, GantryParameters
 from service.dynamics.propagation import Propagator
 
 FloatArray = NDArray[np.float64]
@@ -240,3 +242,33 @@ def test_friction_at_every_body_is_as_given_at_its_shaft() -> None:
             propagator.step()
         pinion = propagator.w[propagator.layout.q][2]
         assert bool(pinion > 1e-9) == moves
+
+
+def test_a_condition_that_is_met_to_its_last_digit_costs_no_search_without_end(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A gantry at rest behind its brakes, a pinion at 5e-16 m/s: eight ticks round otherwise than one by one."""
+    second = AxisParameters(b=48e-6, M=300.0, UL=35e-6, friction_mas=Friction(150.0, 380.0))
+    axes = (AxisParameters(b=62e-6, M=330.0, UL=20e-6), second)
+    resting = Propagator(gantry_mechanism(GantryParameters("X1", "X2", k=1.5e7), *axes), DT)
+    held = resting.w[resting.layout.up].copy()
+    held[[0, 4]] += 20.0 / 0.003  # the brakes, 20 N m at 3 mm/rad
+    resting.w[resting.layout.up] = resting.w[resting.layout.down] = held
+    q = [9.0034328508594517e-16, 1.2999999901532272e-07, 1.9428571330105209e-07, -1.8263718012749596e-05]
+    q += [-8.9357739734920446e-14, -1.3000008722852475e-07, -1.9428580215705396e-07, -2.5476226014263726e-05]
+    v = [0.0, -4.2233965931435650e-16, -4.7640517114903928e-16, 0.0, 0.0, 4.2233908944170646e-16, 0.0, 0.0]
+    resting.w[resting.layout.q], resting.w[resting.layout.v] = q, v
+    resting._key = Key((0, 0), (0, 0, -1, 0, 0, 0, 0, 0))
+    resting.mode = resting._mode(resting._key)
+    walks = 0
+    walk = Propagator._walk
+
+    def counted(self: Propagator, ticks: int, search: bool) -> int:
+        nonlocal walks
+        walks += 1
+        return walk(self, ticks, search)
+
+    monkeypatch.setattr(Propagator, "_walk", counted)
+    for _ in range(20):
+        resting.step()
+    assert walks < 20 * 64

@@ -45,7 +45,7 @@ def test_the_first_run_has_nothing_to_be_compared_with_and_says_so(
 ) -> None:
     first = verdict(bench, night(bench, workbench))
     assert first.state == "cannot_tell"
-    assert "no sound run" in (first.detail or "")
+    assert "no earlier sound run" in (first.detail or "")
 
 
 def test_a_clean_machine_is_told_clean_and_nothing_is_proposed(bench: Bench, workbench: Workbench) -> None:
@@ -239,7 +239,7 @@ def test_a_run_whose_capture_is_not_there_is_refused_by_name(
 
 def test_pairs_that_make_no_sense_are_refused(bench: Bench, workbench: Workbench) -> None:
     run_id = bench.run()
-    with pytest.raises(NothingToExplain, match="no sound run"):
+    with pytest.raises(NothingToExplain, match="no earlier sound run"):
         workbench.explain(run_id)
     with pytest.raises(NothingToExplain, match="fitted to itself"):
         workbench.explain(run_id, train=[run_id])
