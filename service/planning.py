@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
-from service.backlash.excitation import Limits, NoStep, Proposal, propose
-from service.backlash.model_fit import CHAIN_OF_TWO, GANTRY_OF_LUMPS
+from service.backlash.excitation import CHAIN_OF_TWO, GANTRY_OF_LUMPS, Limits, NoStep, Proposal, propose
 from service.backlash.step_information import Sensing
 from service.config import Settings
 

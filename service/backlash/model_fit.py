@@ -16,7 +16,13 @@ import numpy as np
 from service.backlash.by_products import by_products
 from service.backlash.interval import half_width_95
 from service.backlash.model_fit_data import Measured, measure
-from service.backlash.model_fit_problem import OVERFLOWN, jacobian
+from service.backlash.model_fit_interval import (
+    Linearised,
+    disagreement,
+    linearised,
+    noise_variance,
+    structure_variance,
+)
 from service.backlash.model_fit_stages import (
     Effort,
     Outcome,
@@ -43,6 +49,9 @@ its parameters, and its reconstruction is worse for it."""
 
 GANTRY = Effort(candidates=1500, starts=3, tried=12, rounds=(8, 5, 5), refine=(6, 5, 5))
 
+DEGREES = 60
+"""Of freedom of the standard error: some dozens of residuals' lengths of correlation hold its influence."""
+
 MISFIT_LIMIT = 9.0
 """Refused where the residual is more than three times the noise and more than UNEXPLAINED of the acceleration."""
 
@@ -54,28 +63,6 @@ POOR = 3.0
 
 POOR_GANTRY = 1.5
 """The same of a gantry, whose minima are many and near each other."""
-
-
-@dataclass(frozen=True)
-class Systematic:
-    """Standard deviation of what a structure is worth: `floor` [m], and `share` of the backlash, together.
-
-    The fit's covariance knows the noise only. Chosen from the errors of our own independent machines, which
-    have other friction, other shafts and another integrator than the model (tests/benchmarks/accuracy.py).
-    """
-
-    floor: float
-    share: float
-
-
-CHAIN_OF_TWO = Systematic(0.11e-6, 1.2e-3)
-"""A single axis, gear and pinion as masses."""
-
-GANTRY_OF_LUMPS = Systematic(0.22e-6, 3e-3)
-"""A gantry, one mass per drive."""
-
-COVARIANCE_FACTOR = 1.3
-"""On the fit's own standard deviation, which takes the residuals for white and the input for exact."""
 
 
 def refused(axis: str, reason: Reason, detail: str, steps: tuple[StepResult, ...] = ()) -> AxisResult:
@@ -160,26 +147,25 @@ class StepValues:
     t2: FloatArray
 
 
-def step_values(outcome: Outcome, x: int) -> StepValues:
+def step_values(outcome: Outcome, fit: Linearised, x: int) -> StepValues:
     """What each step says by itself, from one linearised solve for b and its initial state."""
-    problem, at = outcome.problem, outcome.fit.point
-    _, r, J = jacobian(problem, at)
-    r = np.clip(np.nan_to_num(r), -OVERFLOWN, OVERFLOWN)
-    k = [p.name for p in problem.model.parameters].index(f"{problem.model.axes[x]}.backlash")
-    own = len(problem.local_spread) * len(problem.model.axes)
-    step_of = np.nonzero(np.stack([g.used for g in problem.grids]))[0]
-    parameter, shared = problem.model.parameters[k], len(at.shared)
+    problem, k = outcome.problem, coordinate(outcome, x)
+    parameter, u = problem.model.parameters[k], outcome.fit.point.shared[k]
+    half = 0.5 * float(parameter.value(u))
     b, t1, t2 = [], [], []
-    for t, grid in enumerate(problem.grids):
-        rows = step_of == t
-        columns = np.concatenate(([k], shared + t * own + np.arange(own)))
-        moved = np.linalg.lstsq(J[np.ix_(rows, columns)], -r[rows], rcond=None)[0][0]
-        b.append(float(parameter.value(at.shared[k] + np.clip(moved, -1.0, 1.0))))
+    for t, (grid, step) in enumerate(zip(problem.grids, fit.steps, strict=True)):
+        moved = np.linalg.lstsq(np.column_stack((step.shared[:, k], step.own)), -step.r, rcond=None)[0][0]
+        b.append(float(parameter.value(u + np.clip(moved, -1.0, 1.0))))
         crossing = grid.s * outcome.fit.response.relative[0, t, x]
-        half = 0.5 * float(parameter.value(at.shared[k]))
         t1.append(first_time(grid.time, crossing < half))
         t2.append(first_time(grid.time, crossing < -half))
     return StepValues(np.array(b), np.array(t1), np.array(t2))
+
+
+def coordinate(outcome: Outcome, x: int) -> int:
+    """Which of the model's parameters is the backlash of axis x."""
+    model = outcome.problem.model
+    return [p.name for p in model.parameters].index(f"{model.axes[x]}.backlash")
 
 
 def first_time(time: FloatArray, happened: FloatArray) -> float:
@@ -187,33 +173,28 @@ def first_time(time: FloatArray, happened: FloatArray) -> float:
     return float(time[np.argmax(happened)]) if np.any(happened) else float("nan")
 
 
-def interval_half_width(staged: Staged, x: int, steps: StepValues) -> float:
-    """Half width of the 95 % interval [m] of axis x.
+def interval_half_width(staged: Staged, fit: Linearised, x: int, steps: StepValues) -> float:
+    """Half width of the 95 % interval [m] of axis x: what moves the fit's value, and the spread over its passes.
 
-    The standard error is the larger of the fit's own, enlarged by the misfit, and that of the steps' scatter,
-    together with what the structure is worth, which grows with the misfit too; the spread over the passes that
-    fit about as well is added.
+    Passes count that the data do not tell from the best: within two of the logarithm of the likelihood, the residuals
+    being as large as they are.
     """
-    best, name = staged.best, staged.best.problem.model.axes[x]
+    best, k = staged.best, coordinate(staged.best, x)
     value = float(backlashes(best.problem, best.fit)[x])
-    enlarged = float(np.sqrt(max(1.0, best.fit.misfit)))
-    own = COVARIANCE_FACTOR * best.fit.spread(best.problem.model, f"{name}.backlash")
-    crossed = np.isfinite(steps.t2)
-    scatter = (
-        float(np.std(steps.b[crossed], ddof=1) / np.sqrt(np.sum(crossed))) if np.sum(crossed) > 2 else 0.0
-    )
-    lacking = CHAIN_OF_TWO if len(best.problem.model.axes) == 1 else GANTRY_OF_LUMPS
-    structure = float(np.hypot(lacking.floor, lacking.share * value))
-    error = enlarged * float(np.hypot(max(own, scatter), structure))
-    near = [o for o in staged.ends if o.fit.misfit < 1.1 * best.fit.misfit]
-    return half_width_95(error, 60, [float(backlashes(o.problem, o.fit)[x]) for o in near], value)
+    crossed = np.where(np.isfinite(steps.t2), steps.b, np.nan)
+    variance = noise_variance(fit, k) + structure_variance(fit, k, best.fit.misfit)
+    variance += disagreement(crossed, best.problem.s)
+    as_good = best.fit.cost + 2.0 * max(1.0, best.fit.misfit)
+    near = [float(backlashes(o.problem, o.fit)[x]) for o in staged.ends if o.fit.cost < as_good]
+    return half_width_95(float(np.sqrt(variance)), DEGREES, near, value)
 
 
 def judged(recording: Recording, measured: Measured, staged: Staged, x: int) -> AxisResult:
     """Verdict, value and interval of axis x of the fit."""
     best, name = staged.best, staged.best.problem.model.axes[x]
-    value, steps = float(backlashes(best.problem, best.fit)[x]), step_values(best, x)
-    half = interval_half_width(staged, x, steps)
+    fit, value = linearised(best.problem, best.fit.point), float(backlashes(best.problem, best.fit)[x])
+    steps = step_values(best, fit, x)
+    half = interval_half_width(staged, fit, x, steps)
     results = tuple(one_step(recording, steps, t) for t in range(len(recording.moves)))
     if not explained(measured, best):
         detail = (

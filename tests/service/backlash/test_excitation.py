@@ -13,9 +13,9 @@ from service.backlash.excitation import (
     NoStep,
     Proposal,
     Sensing,
+    Systematic,
     propose,
 )
-from service.backlash.model_fit import Systematic
 
 LIMITS = Limits(v=1.5, a=10.0, jerk=500.0, travel=0.05)
 SENSING = Sensing(noise=0.05)

@@ -1,0 +1,154 @@
+"""The standard error of a fit's backlash, from what its residual says by itself.
+
+The fit is linearised at its end; each residual then moves the backlash by its influence. Three things move it:
+
+noise       The residuals are neither white nor alike: what an error of the input leaves rings on after the impact.
+            Their covariance is taken as they are, of their local size and with their own correlation over lags, apart for
+            what differs from step to step and for what repeats in every step (the "sandwich" of an estimator whose
+            residuals are coloured).
+structure   What repeats was partly taken up by the parameters, and no residual shows that part. Where the misfit is
+            above what chance allows, the model lacks something; that is taken to be as large as the excess, to last
+            as long as a flank's swing and to repeat in every step.
+directions  The gap is the same both ways; a difference beyond the steps' own scatter is half believed either way.
+
+Nothing here is fitted to any recording: the only numbers are times of the physics.
+
+Shapes: T steps, X axes, K samples, P shared coordinates.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from service.backlash.model_fit_problem import OVERFLOWN, Point, Problem, jacobian
+from service.recording import FloatArray
+
+LASTING = 0.004
+"""How long what the model lacks stays alike [s]: half a swing of the contact, the onset of an impact, a share of the
+passage; also the width over which a residual's local size is taken."""
+
+REMEMBERED = 0.012
+"""Longest lag at which residuals are correlated [s]: a contact has swung out by then."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of the linearised fit: which axis and sample each residual is (n,), residuals over the noise r (n,),
+    and their derivatives by the shared coordinates S (n, P) and by the step's own (n, L), as they were and (`cleared`)
+    with the step's own initial states taken out of S."""
+
+    axis: FloatArray
+    sample: FloatArray
+    r: FloatArray
+    shared: FloatArray
+    own: FloatArray
+    cleared: FloatArray
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """The fit at its end: its steps and the inverse information on the shared coordinates (P, P)."""
+
+    problem: Problem
+    at: Point
+    steps: tuple[Step, ...]
+    covariance: FloatArray
+
+    def slope(self, k: int) -> float:
+        """Unit of parameter k per unit of its coordinate."""
+        p, u = self.problem.model.parameters[k], self.at.shared[k]
+        return float((p.value(u + 1e-4) - p.value(u - 1e-4)) / 2e-4)
+
+    def field(self, of_step: list[FloatArray], fill: float) -> FloatArray:
+        """Values (n,) of every step's residuals, in travel's direction, on the grid (T, X, K)."""
+        T, X, _ = self.problem.local_shape
+        out = np.full((T, X, self.problem.samples), fill)
+        for t, (step, value) in enumerate(zip(self.steps, of_step, strict=True)):
+            out[t, step.axis, step.sample] = self.problem.s[t] * value
+        return out
+
+    @property
+    def residual(self) -> FloatArray:
+        """(T, X, K), NaN where no sample is compared."""
+        return self.field([step.r for step in self.steps], np.nan)
+
+    def influence(self, k: int) -> FloatArray:
+        """What a unit of every residual moves parameter k, in its unit: (T, X, K)."""
+        row = self.slope(k) * self.covariance[:, k]
+        return self.field([step.cleared @ row for step in self.steps], 0.0)
+
+
+def linearised(problem: Problem, at: Point) -> Linearised:
+    """The fit linearised at its end; everything is free there."""
+    _, r, J = jacobian(problem, at)
+    r = np.clip(np.nan_to_num(r), -OVERFLOWN, OVERFLOWN)
+    step_of, axis, sample = np.nonzero(np.stack([grid.used for grid in problem.grids]))
+    P, L = len(at.shared), at.local[0].size
+    steps, information = [], np.eye(P)
+    for t in range(len(problem.grids)):
+        rows = step_of == t
+        shared, own = J[rows, :P], J[rows, P + t * L : P + (t + 1) * L]
+        cleared = shared - own @ np.linalg.solve(own.T @ own + np.eye(L), own.T @ shared)
+        information += shared.T @ cleared
+        steps.append(Step(axis[rows], sample[rows], r[rows], shared, own, cleared))
+    return Linearised(problem, at, tuple(steps), np.asarray(np.linalg.inv(information), dtype=np.float64))
+
+
+def coloured(residual: FloatArray, influence: FloatArray, h: float) -> float:
+    """Variance that residuals (T, K) of their own size and colour have through their influence (T, K)."""
+    there = np.isfinite(residual)
+    width = np.ones(max(1, round(LASTING / h)))
+    power = local_sum(np.where(there, residual, 0.0) ** 2, width) / np.maximum(local_sum(there, width), 1.0)
+    size = np.sqrt(np.maximum(power, 1e-12))
+    alike, moved = np.where(there, residual, 0.0) / size, influence * size
+    total = white = float(np.sum(moved**2))
+    longest = max(1, round(REMEMBERED / h))
+    for lag in range(1, min(longest, residual.shape[1])):
+        pairs = max(1, int(np.sum(there[:, lag:] & there[:, :-lag])))
+        correlation = float(np.sum(alike[:, lag:] * alike[:, :-lag])) / pairs
+        total += 2.0 * (1.0 - lag / longest) * correlation * float(np.sum(moved[:, lag:] * moved[:, :-lag]))
+    return max(total, white)
+
+
+def local_sum(value: FloatArray, width: FloatArray) -> FloatArray:
+    """Sum over all steps and over neighbouring samples: (T, K) -> (K,)."""
+    return np.asarray(np.convolve(np.sum(value, axis=0, dtype=float), width, "same"), dtype=np.float64)
+
+
+def noise_variance(fit: Linearised, k: int) -> float:
+    """Variance of parameter k by the residuals as they are: what differs from step to step, and what repeats."""
+    residual, influence, h = fit.residual, fit.influence(k), fit.problem.grids[0].h
+    T = len(residual)
+    counted = np.maximum(np.sum(np.isfinite(residual), axis=0), 1)
+    seen = np.any(np.isfinite(residual), axis=0)
+    mean = np.where(seen, np.nansum(residual, axis=0) / counted, np.nan)
+    single = (residual - mean) * np.sqrt(T / max(1, T - 1))
+    return sum(
+        coloured(single[:, x], influence[:, x], h)
+        + coloured(mean[None, x], np.sum(influence[:, x], axis=0)[None], h)
+        for x in range(residual.shape[1])
+    )
+
+
+def structure_variance(fit: Linearised, k: int, misfit: float) -> float:
+    """Variance of parameter k by what the model lacks: as large as the excess of the misfit, lasting LASTING, alike in
+    every step."""
+    samples = sum(len(step.r) for step in fit.steps)
+    excess = max(0.0, misfit - 1.0 - np.sqrt(2.0 / samples))
+    together = np.sum(fit.influence(k), axis=0)
+    lag = np.arange(together.shape[1]) * fit.problem.grids[0].h
+    alike = np.exp(-np.abs(lag[:, None] - lag) / LASTING)
+    return float(excess * sum(float(row @ alike @ row) for row in together))
+
+
+def disagreement(b: FloatArray, direction: FloatArray) -> float:
+    """Variance [m²] that a difference of the directions adds: its half squared, less what the scatter of the steps
+    b (T,) makes of it by itself."""
+    sides = [b[np.isfinite(b) & (direction == s)] for s in (1, -1)]
+    if min(len(side) for side in sides) < 2:
+        return 0.0
+    difference = float(np.mean(sides[0]) - np.mean(sides[1]))
+    chance = sum(float(np.var(side, ddof=1)) / len(side) for side in sides)
+    return float(max(0.0, 0.25 * (difference**2 - chance)))
