@@ -3,9 +3,9 @@
 The fit is linearised at its end; each residual then moves the backlash by its influence. Three things move it:
 
 noise       The residuals are neither white nor alike: what an error of the input leaves rings on after the impact.
-            Their covariance is taken as they are, of their local size and with their own correlation over lags, apart for
-            what differs from step to step and for what repeats in every step (the "sandwich" of an estimator whose
-            residuals are coloured).
+            Their covariance is taken as they are, of their local size and with their own correlation over lags,
+            apart for what differs from step to step and for what repeats in every step (the "sandwich" of an
+            estimator whose residuals are coloured).
 structure   What repeats was partly taken up by the parameters, and no residual shows that part. Where the misfit is
             above what chance allows, the model lacks something; that is taken to be as large as the excess, to last
             as long as a flank's swing and to repeat in every step.

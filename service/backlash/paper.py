@@ -25,7 +25,7 @@ import numpy as np
 from service.backlash.admission import admit, whole_steps
 from service.backlash.alignment import LARGEST, SMALLEST, lag, softness
 from service.backlash.averaging import FEWEST_STEPS, Average, StepValue, average, outlier, too_few, unsure
-from service.backlash.detection import SEARCH, Pass, find_pass, run_noise
+from service.backlash.detection import Pass, find_pass, run_noise
 from service.backlash.integration import parted
 from service.backlash.results import AxisResult, Reason, Refusal, StepResult
 from service.backlash.signals import StepSignals, for_integration
@@ -87,11 +87,11 @@ def _step(
     signals: StepSignals, found: Pass | Refusal, c: float, gantry: bool
 ) -> tuple[StepValue, Pass] | Refusal:
     """b of one step by eq. (10) with its bounds, and its pass; or why not."""
+    if isinstance(found, Refusal):
+        return found
     lost = _lost(signals, found)
     if lost:
         return lost
-    if isinstance(found, Refusal):
-        return found
     value = _bounded(for_integration(signals), found, c, gantry)
     return _dragged(signals, found, value.b) or (value, found)
 
@@ -125,12 +125,9 @@ def _bounded(signals: StepSignals, found: Pass, c: float, gantry: bool) -> StepV
     return StepValue(b, b - float(np.hypot(late, first)), b + float(np.linalg.norm((early, last, unwinding))))
 
 
-def _lost(signals: StepSignals, found: Pass | Refusal) -> Refusal | None:
-    """Refuse a step with samples lost in the pass, or wherever it may be when none was found."""
-    move = signals.move
-    start, end = (move.start + share * move.duration for share in SEARCH)
-    if isinstance(found, Pass):
-        start, end = found.t1 - KEPT_CLEAR, found.t2 + KEPT_CLEAR
+def _lost(signals: StepSignals, found: Pass) -> Refusal | None:
+    """Refuse a step with samples lost in the pass. Where there is no pass, a few lost samples are not why."""
+    start, end = found.t1 - KEPT_CLEAR, found.t2 + KEPT_CLEAR
     lost = signals.speed.lost_between(start, end) + signals.acceleration.lost_between(start, end)
     if not lost:
         return None
