@@ -18,6 +18,7 @@ from service.backlash.interval import half_width_95
 from service.backlash.model_fit_data import Measured, measure
 from service.backlash.model_fit_interval import (
     Linearised,
+    difference,
     disagreement,
     linearised,
     noise_variance,
@@ -33,7 +34,7 @@ from service.backlash.model_fit_stages import (
     with_heavier_chain,
 )
 from service.backlash.model_fit_start import Guess, closed_form
-from service.backlash.results import AxisResult, Reason, StepResult
+from service.backlash.results import AxisResult, Reason, Refusal, StepResult
 from service.dynamics.driven_model import Model
 from service.recording import FloatArray, Recording
 
@@ -52,10 +53,20 @@ GANTRY = Effort(candidates=1500, starts=3, tried=12, rounds=(8, 5, 5), refine=(6
 DEGREES = 60
 """Of freedom of the standard error: some dozens of residuals' lengths of correlation hold its influence."""
 
-MISFIT_LIMIT = 9.0
-"""Refused where the residual is more than three times the noise and more than UNEXPLAINED of the acceleration."""
+MISFIT_LIMIT = 1.5
+UNEXPLAINED = 0.02
+"""Refused where the misfit is above this and its excess over the noise is more than this share of the acceleration.
+The interval grows with the misfit; beyond this, what the model lacks is no small addition to it."""
 
-UNEXPLAINED = 0.03
+DIRECTIONS_DIFFER = 4.0
+"""Difference of the two directions over its standard error from which on something else moves the load: by chance
+in one of 250 runs of ten steps."""
+
+FAR_OUT = 3.5
+"""How many of its prior's standard deviations a mesh error or a bent contact may reach in a sound machine."""
+
+TOO_WIDE = 0.2
+"""Half width over the value beyond which there is none: what the paper's section V reached on a machine."""
 
 POOR = 3.0
 """Misfit of a single axis from which on a local minimum is suspected and the search is done once more."""
@@ -130,12 +141,23 @@ def unfit_for_use(recording: Recording, axis: str, axes: tuple[str, ...]) -> Axi
     return None
 
 
-def explained(measured: Measured, outcome: Outcome) -> bool:
-    """Whether the residual is near the noise, or small against the acceleration itself."""
+def unexplained(measured: Measured, outcome: Outcome) -> float:
+    """What of the acceleration is neither the model's nor the noise, as a share of its RMS."""
     used = np.stack([grid.used for grid in outcome.problem.grids])
     signal = np.stack([grid.measured for grid in outcome.problem.grids])[used]
-    residual = float(np.sqrt(outcome.fit.misfit) * np.mean(measured.noise))
-    return outcome.fit.misfit < MISFIT_LIMIT or residual < UNEXPLAINED * float(np.sqrt(np.mean(signal**2)))
+    excess = np.sqrt(max(0.0, outcome.fit.misfit - 1.0)) * np.mean(measured.noise)
+    return float(excess / np.sqrt(np.mean(signal**2)))
+
+
+def far_out(outcome: Outcome, x: int) -> str | None:
+    """The impurity of axis x that no sound machine has so much of, in words."""
+    axis = outcome.problem.model.axes[x]
+    for parameter, u in zip(outcome.problem.model.parameters, outcome.fit.point.shared, strict=True):
+        if abs(u) > FAR_OUT and parameter.name == f"{axis}.bend":
+            return "the flanks' force is far from proportional to their depth"
+        if abs(u) > FAR_OUT and parameter.name.startswith(f"{axis}.mesh_"):
+            return "the mesh runs with an error of many micrometres"
+    return None
 
 
 @dataclass(frozen=True)
@@ -196,21 +218,9 @@ def judged(recording: Recording, measured: Measured, staged: Staged, x: int) -> 
     steps = step_values(best, fit, x)
     half = interval_half_width(staged, fit, x, steps)
     results = tuple(one_step(recording, steps, t) for t in range(len(recording.moves)))
-    if not explained(measured, best):
-        detail = (
-            f"The model leaves {np.sqrt(best.fit.misfit):.1f} times the noise at rest unexplained; the axis does "
-            "something that the model lacks (loose part, second gap, collision), or the channels do not belong "
-            "together: look at the residual."
-        )
-        return refused(name, Reason.MISFIT, detail, results)
-    if not np.any(np.isfinite(steps.t2)):
-        detail = "The flanks changed sides in no step; the step is too short or slow for the gap or the load is held."
-        return refused(name, Reason.GAP_NOT_CROSSED, detail, results)
-    if half > 0.5 * value:
-        detail = (
-            f"{value * 1e6:.1f} ± {half * 1e6:.1f} µm says nothing; lower the noise or lengthen the step."
-        )
-        return refused(name, Reason.INTERVAL_TOO_WIDE, detail, results)
+    refusal = doubt(measured, best, x, steps) or wanting(value, half, steps)
+    if refusal:
+        return refused(name, *refusal, results)
     return AxisResult(
         name,
         "ok",
@@ -220,6 +230,50 @@ def judged(recording: Recording, measured: Measured, staged: Staged, x: int) -> 
         steps=results,
         by_products=by_products(best.problem.model, best.fit, x),
     )
+
+
+def doubt(measured: Measured, best: Outcome, x: int, steps: StepValues) -> Refusal | None:
+    """Why the model cannot be that of the machine, None where it can."""
+    share, strange = unexplained(measured, best), far_out(best, x)
+    if best.fit.misfit > MISFIT_LIMIT and share > UNEXPLAINED:
+        return Refusal(
+            Reason.MISFIT,
+            f"The model leaves {share:.1%} of the acceleration unexplained, {np.sqrt(best.fit.misfit):.1f} times the "
+            "noise at rest; the axis does something that the model lacks (another axis pulls, loose part, second gap, "
+            "collision), or the channels do not belong together: look at the residual.",
+        )
+    if strange:
+        return Refusal(
+            Reason.MISFIT,
+            f"Only where {strange} does the model follow; the axis does something that the model lacks, or a tooth is "
+            "damaged: look at the residual.",
+        )
+    crossed = np.where(np.isfinite(steps.t2), steps.b, np.nan)
+    differ = difference(crossed, best.problem.s)
+    if abs(differ.mean) > DIRECTIONS_DIFFER * differ.error:
+        return Refusal(
+            Reason.STEPS_DISAGREE,
+            f"The two directions differ by {differ.mean * 1e6:+.1f} µm, {abs(differ.mean) / differ.error:.0f} times "
+            "their scatter, and the gap is the same both ways; another axis that was not declared, a spring or a cable "
+            "pulls at the load: declare the gantry, look for what pulls.",
+        )
+    return None
+
+
+def wanting(value: float, half: float, steps: StepValues) -> Refusal | None:
+    """Why the fit says nothing about the gap, None where it does."""
+    if not np.any(np.isfinite(steps.t2)):
+        return Refusal(
+            Reason.GAP_NOT_CROSSED,
+            "The flanks changed sides in no step; the step is too short or slow for the gap or the load is held.",
+        )
+    if half > TOO_WIDE * value:
+        return Refusal(
+            Reason.INTERVAL_TOO_WIDE,
+            f"{value * 1e6:.1f} ± {half * 1e6:.1f} µm says nothing; lower the noise, lengthen the step, or look at the "
+            "residual where it is above the noise.",
+        )
+    return None
 
 
 def one_step(recording: Recording, steps: StepValues, t: int) -> StepResult:

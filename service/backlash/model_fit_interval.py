@@ -19,6 +19,7 @@ Shapes: T steps, X axes, K samples, P shared coordinates.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -143,12 +144,24 @@ def structure_variance(fit: Linearised, k: int, misfit: float) -> float:
     return float(excess * sum(float(row @ alike @ row) for row in together))
 
 
-def disagreement(b: FloatArray, direction: FloatArray) -> float:
-    """Variance [m²] that a difference of the directions adds: its half squared, less what the scatter of the steps
-    b (T,) makes of it by itself."""
+class Difference(NamedTuple):
+    """Mean difference of the directions [m] and its standard error by the steps' scatter [m]."""
+
+    mean: float
+    error: float
+
+
+def difference(b: FloatArray, direction: FloatArray) -> Difference:
+    """How the steps b (T,) of positive travel differ from those of negative; NaN where a step says nothing."""
     sides = [b[np.isfinite(b) & (direction == s)] for s in (1, -1)]
     if min(len(side) for side in sides) < 2:
-        return 0.0
-    difference = float(np.mean(sides[0]) - np.mean(sides[1]))
+        return Difference(0.0, float("inf"))
     chance = sum(float(np.var(side, ddof=1)) / len(side) for side in sides)
-    return float(max(0.0, 0.25 * (difference**2 - chance)))
+    return Difference(float(np.mean(sides[0]) - np.mean(sides[1])), float(np.sqrt(chance)))
+
+
+def disagreement(b: FloatArray, direction: FloatArray) -> float:
+    """Variance [m²] that a difference of the directions adds: its half squared, less what the scatter of the steps
+    makes of it by itself."""
+    found = difference(b, direction)
+    return max(0.0, 0.25 * (found.mean**2 - found.error**2))

@@ -60,6 +60,27 @@ def test_torque_is_not_needed(shared_dir: Path) -> None:
     assert result.backlash == pytest.approx(truth, abs=0.5e-6)
 
 
+def alone(recording: Recording, axis: str) -> Recording:
+    """One axis of a gantry in a recording that knows of no gantry."""
+    return replace(
+        recording,
+        axes=tuple(a for a in recording.axes if a.name == axis),
+        gantry=(),
+        traces={k: t for k, t in recording.traces.items() if k[0] == axis},
+    )
+
+
+@pytest.mark.parametrize("number", ["00", "02"])
+def test_a_gantry_that_was_not_declared_gives_no_wrong_value(shared_dir: Path, number: str) -> None:
+    path = shared_dir / "captures" / f"declared-gantry-{number}.parquet"
+    truth = json.loads(path.with_name(f"{path.stem}-truth.json").read_text())["backlash_m"]["X1"]
+    result = model_fit(alone(read_capture(path), "X1"), "X1")
+    if result.interval_95 is None:
+        assert result.reason in (Reason.MISFIT, Reason.STEPS_DISAGREE, Reason.INTERVAL_TOO_WIDE)
+    else:
+        assert result.interval_95[0] <= truth <= result.interval_95[1]
+
+
 @pytest.mark.parametrize(("misfit", "searches"), [(1.1, 1), (4.0, 2), (40.0, 2)])
 def test_a_poor_minimum_is_searched_once_more(
     monkeypatch: pytest.MonkeyPatch, misfit: float, searches: int

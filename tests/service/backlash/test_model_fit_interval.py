@@ -1,0 +1,81 @@
+"""The interval's parts against what chance and structure really do to a weighted sum of residuals."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import cast
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from service.backlash.model_fit_interval import (
+    Linearised,
+    coloured,
+    difference,
+    disagreement,
+    structure_variance,
+)
+from service.recording import FloatArray
+
+H, T, K = 5e-4, 10, 120
+
+
+def influences() -> FloatArray:
+    """A smooth influence with its weight at one event, as that of an impact, alike in every step (T, K)."""
+    k = np.arange(K)
+    return np.tile(np.exp(-(((k - 70) / 6.0) ** 2)) * np.cos(k / 9.0), (T, 1))
+
+
+@pytest.mark.parametrize(("memory", "size"), [(0.0, 1.0), (0.8, 1.0), (0.8, 3.0)])
+def test_variance_of_coloured_residuals_is_what_repeating_them_shows(memory: float, size: float) -> None:
+    rng, psi = np.random.default_rng(3), influences()
+    noise = size * np.sqrt(1.0 - memory**2) * rng.standard_normal((400, T, K + 100))
+    residual = lfilter([1.0], [1.0, -memory], noise, axis=-1)[..., 100:]
+    true = float(np.var(np.sum(psi * residual, axis=(1, 2))))
+    told = [coloured(r, psi, H) for r in residual[:100]]
+    assert np.mean(told) == pytest.approx(true, rel=0.25)
+
+
+def test_lost_samples_leave_the_variance_alone() -> None:
+    rng, psi = np.random.default_rng(5), influences()
+    residual = rng.standard_normal((T, K))
+    residual[rng.random((T, K)) < 0.1] = np.nan
+    assert coloured(residual, psi, H) == pytest.approx(float(np.sum(psi**2)), rel=0.25)
+
+
+def linear(influence: FloatArray, samples: int) -> Linearised:
+    """As much of a linearised fit as the structure asks for; one axis."""
+    steps = [SimpleNamespace(r=np.zeros(samples // T)) for _ in range(T)]
+    problem = SimpleNamespace(grids=[SimpleNamespace(h=H)])
+    fit = SimpleNamespace(steps=steps, problem=problem, influence=lambda k: influence[:, None])
+    return cast(Linearised, fit)
+
+
+def test_structure_is_none_at_the_noise_and_grows_with_the_excess() -> None:
+    fit = linear(influences(), 20_000)
+    assert structure_variance(fit, 0, 0.95) == structure_variance(fit, 0, 1.0) == 0.0
+    small, large = (structure_variance(fit, 0, misfit) for misfit in (1.11, 2.01))
+    assert large == pytest.approx(10.0 * small, rel=0.01)
+
+
+def test_structure_repeats_in_every_step_and_does_not_average_out() -> None:
+    """A lack that is alike in all steps moves the sum of T influences T times as much as one, noise √T times."""
+    once = structure_variance(linear(influences()[:1], 20_000), 0, 2.0)
+    assert structure_variance(linear(influences(), 20_000), 0, 2.0) == pytest.approx(T**2 * once)
+
+
+def test_directions_that_differ_more_than_their_scatter_widen_the_interval() -> None:
+    direction = np.array([1.0, -1.0] * 5)
+    noise = 1e-7 * np.array([1, -1, -1, 1, 0, 0, 2, -2, -2, 2])
+    alike, apart = 5e-5 + noise, 5e-5 + noise + 1e-6 * direction
+    assert disagreement(alike, direction) < (0.1e-6) ** 2
+    assert np.sqrt(disagreement(apart, direction)) == pytest.approx(1e-6, rel=0.05)
+    found = difference(apart, direction)
+    assert found.mean == pytest.approx(2e-6, rel=0.1)
+    assert found.mean > 10.0 * found.error
+
+
+def test_one_direction_only_says_nothing_of_a_difference() -> None:
+    assert disagreement(np.array([1e-5, 2e-5, 3e-5]), np.ones(3)) == 0.0
+    assert difference(np.array([1e-5, 2e-5, np.nan]), np.array([1.0, 1.0, -1.0])).error == np.inf
