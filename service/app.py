@@ -20,7 +20,7 @@ from functools import partial
 
 from fastapi import FastAPI
 
-from service.api.ports import WebSettings
+from service.api.ports import Masses, WebSettings
 from service.api.web import create_web_app
 from service.backlash.figure import step_picture
 from service.captures import CaptureError, read_capture
@@ -78,9 +78,7 @@ class House:
                 for axis in self.settings.axis
                 if axis.diagnostic_positions_m
             },
-            moved_masses={
-                axis.name: axis.moved_mass_kg for axis in self.settings.axis if axis.moved_mass_kg is not None
-            },
+            moved_masses=_masses(self.settings),
         )
         picture = partial(draw_step, self.workshop)
         return create_web_app(
@@ -183,6 +181,14 @@ def report_on(workshop: Workshop, explanation: ExplanationRecord) -> str | None:
         about.append(f"Without pictures: {error}")
         recording, predictions = Recording(machine="", axes=(), traces={}), {}
     return report_page(f"Model check of run {run.id}", about, explanation.found, predictions, recording)
+
+
+def _masses(settings: Settings) -> dict[str, Masses]:
+    return {
+        axis: Masses(settings.axis_named(axis).moved_mass_kg, settings.axis_named(axes[0]).moved_mass_kg)
+        for axes in settings.groups.values()
+        for axis in axes
+    }
 
 
 def _axis_records(settings: Settings) -> list[AxisRecord]:

@@ -32,7 +32,12 @@ class Service:
 
     def check(self, target: str, noted: Noted) -> dict[str, Any]:
         """Start a check of an axis or group, wait for its end, and return the run. Raises RemoteError."""
-        axes = {axis["name"] for axis in self._call("GET", "/api/v1/axes")["items"]}
+        known = self._call("GET", "/api/v1/axes")["items"]
+        axes, groups = ({axis[key] for axis in known} for key in ("name", "group"))
+        if target not in axes | groups:
+            raise RemoteError(
+                f"{target!r} is not configured; axes are {', '.join(sorted(axes))}, groups {', '.join(sorted(groups))}"
+            )
         accepted = self._call("POST", "/api/v1/checks", {"axis" if target in axes else "group": target})
         path = f"/api/v1/runs/{accepted['run_id']}"
         while (run := self._call("GET", path))["state"] in ("queued", "running"):

@@ -1,17 +1,19 @@
 """By-products as a maintenance planner reads them: a plain name, a unit of the workshop, and where they go.
 
-The fit knows stiffness and friction per kilogram of moved mass. Where the configuration says the mass they are
-shown in N/µm and N, else per kilogram.
+The fit knows stiffness and friction per kilogram of moved mass, a bridge's per kilogram of its first axis. Where the
+configuration says the mass they are shown in N/µm and N, else per kilogram.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from service.api.base import Interval
+from service.api.ports import Masses
 from service.api.value_schemas import (
     ByProductHistory,
     ByProductPoint,
@@ -36,7 +38,7 @@ class Shown:
     ----------
     says : what a change of it means
     unit, factor : unit of the workshop, and how many of it are one SI unit
-    per_mass : whether it is per kilogram of moved mass
+    per_mass : of whose mass it is per kilogram, the axis' own or that of its gantry's first axis; None: of nobody's
     relative : whether its change is told in percent; not where zero is a sound value
     """
 
@@ -44,13 +46,14 @@ class Shown:
     says: str
     unit: str
     factor: float = 1.0
-    per_mass: bool = True
+    per_mass: Literal["own", "first"] | None = "own"
     relative: bool = True
 
-    def scale(self, mass: float | None) -> tuple[float, str]:
-        """Factor and unit with the moved mass [kg], or without."""
-        if not self.per_mass:
+    def scale(self, masses: Masses) -> tuple[float, str]:
+        """Factor and unit with the moved masses, or without."""
+        if self.per_mass is None:
             return self.factor, self.unit
+        mass = masses.own if self.per_mass == "own" else masses.first
         return (self.factor, f"{self.unit} per kg") if mass is None else (self.factor * mass, self.unit)
 
 
@@ -67,26 +70,28 @@ SHOWN: Mapping[str, Shown] = {
     "viscous_friction": Shown(
         "Friction that grows with speed", "more: stiff or too much grease, a cold machine", "N per m/s"
     ),
-    "bridge_stiffness": Shown("Bridge stiffness", "softer: loose joints of the bridge", "N/µm", 1e-6),
+    "bridge_stiffness": Shown(
+        "Bridge stiffness", "softer: loose joints of the bridge", "N/µm", 1e-6, "first"
+    ),
     "bridge_offset": Shown(
-        "Bridge offset", "a change: the two sides are no longer square to each other", "µm", 1e6, False, False
+        "Bridge offset", "a change: the two sides are no longer square to each other", "µm", 1e6, None, False
     ),
     "skew": Shown(
         "Time skew of sensor and drive",
         "a change: another filter or firmware, or another timing of the bus",
         "µs",
         1e6,
-        False,
+        None,
         False,
     ),
 }
 """By the by-product's name; one that is not here is shown as it is."""
 
 
-def by_product_view(product: ByProduct, mass: float | None = None) -> ByProductView:
-    """Show what one run found; ``mass`` is the moved one [kg]."""
+def by_product_view(product: ByProduct, masses: Masses) -> ByProductView:
+    """Show what one run found."""
     shown = _shown_as(product)
-    factor, unit = shown.scale(mass)
+    factor, unit = shown.scale(masses)
     return ByProductView(
         **vars(product),
         label=shown.label,
@@ -94,15 +99,15 @@ def by_product_view(product: ByProduct, mass: float | None = None) -> ByProductV
     )
 
 
-def by_product_history(found: Sequence[ByProductRecord], mass: float | None = None) -> ByProductHistory:
-    """Show the histories of all by-products; records come the newest first, ``mass`` is the moved one [kg]."""
+def by_product_history(found: Sequence[ByProductRecord], masses: Masses) -> ByProductHistory:
+    """Show the histories of all by-products; records come the newest first."""
     names = list(dict.fromkeys(record.product.name for record in found))
     return ByProductHistory(
-        items=[_series([record for record in found if record.product.name == name], mass) for name in names]
+        items=[_series([record for record in found if record.product.name == name], masses) for name in names]
     )
 
 
-def _series(found: Sequence[ByProductRecord], mass: float | None) -> ByProductSeries:
+def _series(found: Sequence[ByProductRecord], masses: Masses) -> ByProductSeries:
     t = np.array([record.measured_at.timestamp() for record in reversed(found)])
     stands = trend(t, np.array([record.product.value for record in reversed(found)]))
     assert stands is not None
@@ -117,7 +122,7 @@ def _series(found: Sequence[ByProductRecord], mass: float | None) -> ByProductSe
         level_interval_95=stands.interval,
         slope_per_day=_times(stands.slope, _DAY),
         slope_interval_95_per_day=_both(stands.slope_interval, _DAY),
-        shown=_shown(stands, shown, mass),
+        shown=_shown(stands, shown, masses),
         items=[
             ByProductPoint(
                 run_id=r.run_id, measured_at=r.measured_at, value=r.product.value, std=r.product.std
@@ -129,11 +134,11 @@ def _series(found: Sequence[ByProductRecord], mass: float | None) -> ByProductSe
 
 def _shown_as(product: ByProduct) -> Shown:
     readable = product.name.replace("_", " ").capitalize()
-    return SHOWN.get(product.name, Shown(readable, "", product.unit, per_mass=False, relative=False))
+    return SHOWN.get(product.name, Shown(readable, "", product.unit, per_mass=None, relative=False))
 
 
-def _shown(stands: Trend, shown: Shown, mass: float | None) -> ShownTrend:
-    factor, unit = shown.scale(mass)
+def _shown(stands: Trend, shown: Shown, masses: Masses) -> ShownTrend:
+    factor, unit = shown.scale(masses)
     return ShownTrend(
         unit=unit,
         level=stands.level * factor,

@@ -49,6 +49,17 @@ Report = Callable[[ExplanationRecord], str | None]
 
 
 @dataclass(frozen=True)
+class Masses:
+    """Moved masses [kg] as configured, None where they are not: an axis' ``own``, and its gantry's ``first`` axis'."""
+
+    own: float | None = None
+    first: float | None = None
+
+
+NO_MASSES = Masses()
+
+
+@dataclass(frozen=True)
 class WebSettings:
     """What the web application is told.
 
@@ -56,14 +67,14 @@ class WebSettings:
     none: right on loopback only. Without a token only requests to a name in ``hosts`` are answered, so that
     no web site can reach the machine through a technician's browser (DNS rebinding).
     ``diagnostic_positions`` is where along its rack a check of an axis steps [m], for those that travel;
-    ``moved_masses`` are the masses that are configured, by axis [kg].
+    ``moved_masses`` are the masses that are configured, by axis.
     """
 
     version: str
     captures_folder: Path
     token_sha256: str | None = None
     diagnostic_positions: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
-    moved_masses: Mapping[str, float] = field(default_factory=dict)
+    moved_masses: Mapping[str, Masses] = field(default_factory=dict)
     hosts: tuple[str, ...] = ("127.0.0.1", "localhost", "[::1]")
 
 

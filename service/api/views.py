@@ -9,6 +9,7 @@ from service.api.by_products import by_product_view
 from service.api.model_schemas import ComputingView
 from service.api.model_views import model_check_view, revision_view, steps_view
 from service.api.part_views import direction_view, place_view
+from service.api.ports import NO_MASSES, Masses
 from service.api.schemas import AxisView, ProgressView, RunDetail, RunView
 from service.api.value_schemas import ResultView, StepView, TrendView, ValueView
 from service.api.words import in_words
@@ -78,15 +79,17 @@ def step_view(step: StepResult) -> StepView:
     )
 
 
-def result_view(value: ValueRecord, masses: Mapping[str, float]) -> ResultView:
-    """Show one answer with its steps and what else it says; ``masses`` are the moved ones, by axis [kg]."""
+def result_view(value: ValueRecord, masses: Mapping[str, Masses]) -> ResultView:
+    """Show one answer with its steps and what else it says; ``masses`` are the moved ones, by axis."""
     result = value.outcome.result
     return ResultView(
         **dict(value_view(value)),
         steps=[step_view(step) for step in result.steps],
         by_direction=[direction_view(part) for part in result.by_direction],
         by_place=[place_view(part) for part in result.by_place],
-        by_products=[by_product_view(product, masses.get(result.axis)) for product in result.by_products],
+        by_products=[
+            by_product_view(product, masses.get(result.axis, NO_MASSES)) for product in result.by_products
+        ],
     )
 
 
@@ -187,7 +190,7 @@ def run_detail(
     run: RunRecord,
     found: Sequence[ValueRecord],
     checks: Sequence[ExplanationRecord],
-    masses: Mapping[str, float],
+    masses: Mapping[str, Masses],
 ) -> RunDetail:
     """Show a run with all that it found."""
     return RunDetail(

@@ -53,8 +53,8 @@ def test_the_environment_overrides_the_file(monkeypatch: pytest.MonkeyPatch) -> 
         ('host = "127.0.0.1"', 'host = "0.0.0.0"', "token_sha256"),
         ("gear_ratio = 10.0", "gear_ratio = -10.0", "greater than 0"),
         ('name = "X"\n', 'name = "Y"\n', "named like an axis"),
-        ("diagnostic_positions_m = [-0.6,", "diagnostic_positions_m = [-0.7485,", "no room for a step"),
-        ("diagnostic_positions_m = [-0.6,", "diagnostic_positions_m = [-0.6, -0.597,", "one place"),
+        ("# diagnostic_positions_m = [-0.6,", "diagnostic_positions_m = [-0.7485,", "no room for a step"),
+        ("# diagnostic_positions_m = [-0.6,", "diagnostic_positions_m = [-0.6, -0.597,", "one place"),
         (
             "travel_max_m = 3.0\nvelocity_limit_m_s = 1.5\nacceleration_limit_m_s2 = 10.0\nreference",
             "travel_max_m = 3.0\nvelocity_limit_m_s = 1.5\nacceleration_limit_m_s2 = 10.0\n"

@@ -8,7 +8,7 @@ from typing import Annotated
 from fastapi import APIRouter, Path, Query, Request, Response
 
 from service.api.by_products import by_product_history
-from service.api.ports import WebSettings
+from service.api.ports import NO_MASSES, WebSettings
 from service.api.problems import responses
 from service.api.replies import read_value_cursor, tagged, value_cursor
 from service.api.schemas import Axes, AxisView, HistoryPage
@@ -56,7 +56,7 @@ def router(repository: Repository, settings: WebSettings) -> APIRouter:
     def by_products(request: Request, name: AxisName, limit: Limit = 100) -> Response:
         """List what the accepted runs found beside the backlash, one series per parameter."""
         found = repository.parts.by_products(repository.axis(name).name, limit)
-        return tagged(request, by_product_history(found, settings.moved_masses.get(name)))
+        return tagged(request, by_product_history(found, settings.moved_masses.get(name, NO_MASSES)))
 
     return api
 

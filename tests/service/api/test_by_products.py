@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from service.api.by_products import SHOWN
+from service.api.ports import Masses
 from tests.service.api.house import House, run_products
 
 
@@ -32,7 +34,7 @@ def test_a_contact_that_grows_softer_is_told_in_percent_a_month(wearing: House) 
 
 
 def test_with_the_moved_mass_stiffness_and_friction_are_absolute(wearing: House) -> None:
-    wearing.client = wearing.rebuild(moved_masses={"Y": 240.0})
+    wearing.client = wearing.rebuild(moved_masses={"Y": Masses(240.0)})
     found = {one["name"]: one["shown"] for one in wearing.get("/api/v1/axes/Y/by-products")["items"]}
     assert (found["contact_stiffness"]["unit"], found["coulomb_friction"]["unit"]) == ("N/µm", "N")
     assert found["contact_stiffness"]["level"] == pytest.approx(0.7 * 240)
@@ -56,7 +58,7 @@ def test_prometheus_gets_the_latest_with_its_unit(wearing: House) -> None:
 
 
 def test_a_run_shows_what_it_found_in_the_same_units(house: House) -> None:
-    house.client = house.rebuild(moved_masses={"Y": 240.0})
+    house.client = house.rebuild(moved_masses={"Y": Masses(240.0)})
     run_id = run_products(house.repository, 0, 7e5)
     (result,) = house.get(f"/api/v1/runs/{run_id}")["results"]
     assert (result["by_products"][0]["name"], result["by_products"][0]["unit"]) == (
@@ -65,3 +67,10 @@ def test_a_run_shows_what_it_found_in_the_same_units(house: House) -> None:
     assert result["by_products"][0]["shown"] == {
         "unit": "N/µm", "value": pytest.approx(168.0), "std": pytest.approx(2.4),
     }  # fmt: skip
+
+
+def test_a_bridge_is_as_stiff_seen_from_both_sides() -> None:
+    """Its stiffness is found per kilogram of the gantry's first axis, whichever side it is shown with."""
+    bridge = SHOWN["bridge_stiffness"]
+    assert bridge.scale(Masses(300.0, 330.0)) == (pytest.approx(330e-6), "N/µm")
+    assert bridge.scale(Masses(300.0)) == (1e-6, "N/µm per kg")
