@@ -29,9 +29,9 @@ from service.backlash.model_fit_stages import (
     Outcome,
     Staged,
     backlashes,
+    heavier_fit,
     searched_again,
     staged_fit,
-    with_heavier_chain,
 )
 from service.backlash.model_fit_start import Guess, closed_form
 from service.backlash.results import AxisResult, Reason, Refusal, StepResult
@@ -48,7 +48,7 @@ AGAIN = Effort(candidates=320, starts=3, refine=(2, 2, 2, 2, 3, 4, 5), settling=
 rate of the speed samples, a machine that is fitted to the end on one reconstruction takes the input's error into
 its parameters, and its reconstruction is worse for it."""
 
-GANTRY = Effort(candidates=1500, starts=3, tried=12, rounds=(8, 5, 5), refine=(6, 5, 5))
+GANTRY = Effort(candidates=1500, tried=12, rounds=(8, 5, 5), heavier=(6,) * 6, refine=(4, 4, 4))
 
 DEGREES = 60
 """Of freedom of the standard error: some dozens of residuals' lengths of correlation hold its influence."""
@@ -72,7 +72,7 @@ POOR = 3.0
 """Misfit of a single axis from which on a local minimum is suspected and the search is done once more."""
 
 
-POOR_GANTRY = 1.5
+POOR_GANTRY = 3.0
 """The same of a gantry, whose minima are many and near each other."""
 
 
@@ -117,7 +117,7 @@ def best_of_attempts(measured: Measured, axes: tuple[str, ...], guesses: dict[st
 
 def gantry(measured: Measured, axes: tuple[str, ...], guesses: dict[str, Guess], effort: Effort) -> Staged:
     """One search and fit of both axes: one mass per drive, which has fewer minima, then gear and pinion."""
-    return with_heavier_chain(measured, staged_fit(measured, Model(axes, 1), guesses, effort), effort)
+    return heavier_fit(measured, Model(axes, 1), guesses, effort)
 
 
 def unfit_for_use(recording: Recording, axis: str, axes: tuple[str, ...]) -> AxisResult | None:

@@ -15,10 +15,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import PPoly
+from scipy.linalg import cho_factor, cho_solve
 
 from service.dynamics.driven import Response, simulate
 from service.dynamics.driven_model import LINKS, Model, Parameter, Values
 from service.dynamics.driven_motion import StepGrid, between, coefficients
+from service.dynamics.driven_recoil import Recoil
 from service.recording import FloatArray
 
 DIFFERENCE = 1e-4
@@ -35,8 +37,55 @@ BALANCE_TIME = 0.004
 """Time over which the motor's acceleration is averaged for where the flank holds the load at the start [s]: long
 against a speed sample, so that it does not hang on how the motor's motion is interpolated."""
 
-LADDER = np.array([0.01, 0.1, 0.5, 2.0, 10.0, 1e3])
+LADDER = np.array([1e-4, 1e-2, 0.1, 0.5, 2.0, 10.0, 1e3])
 """Dampings tried at once around the last good one: lanes cost less than another round."""
+
+PROBE = 0.1
+"""Share of a step at which the residuals' curvature along it is measured."""
+
+BENT = 0.75
+"""Greatest length of the curvature's part over the step's own; beyond it two terms say nothing."""
+
+
+@dataclass(frozen=True)
+class Following:
+    """How the motors follow forces that differ from those of their reconstruction, linear around one point.
+
+    Beyond their recoil they move by curves with coefficients η = answer·δF; see model_fit_motion.
+
+    Attributes
+    ----------
+    force : (T, X, K + 1) on the motors per moved mass [m/s²], with which their motion was reconstructed
+    answer : (T, X·B, X·(K + 1))
+    acceleration, forces, recoil : (T, X·K, X·B), (T, X·(K + 1), X·B), (T, X·(K + 1)·2, X·B) what a unit of η changes
+    """
+
+    force: FloatArray
+    answer: FloatArray
+    acceleration: FloatArray
+    forces: FloatArray
+    recoil: FloatArray
+
+    def curves(self, force: FloatArray) -> FloatArray:
+        """η (T, S, X·B) under forces (S, T, X, K + 1)."""
+        difference = (force - self.force).reshape(*force.shape[:2], -1).swapaxes(0, 1)
+        return np.asarray(difference @ self.answer.swapaxes(1, 2))
+
+    def added(self, response: Response) -> Response:
+        """The response with what the motors' following does to the accelerations."""
+        change = (self.curves(response.force) @ self.acceleration.swapaxes(1, 2)).swapaxes(0, 1)
+        predicted = response.acceleration
+        return replace(response, acceleration=predicted + change.reshape(predicted.shape))
+
+    def settled(self, force: FloatArray, e: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Forces (T, X, K + 1) and recoil (T, X, K + 1, 2) with what the following does to them."""
+        eta = self.curves(force[None]).swapaxes(1, 2)
+        return force + (self.forces @ eta).reshape(force.shape), e + (self.recoil @ eta).reshape(e.shape)
+
+    def first_steps(self, n: int) -> Following:
+        """The same for the first n steps."""
+        arrays = (self.force, self.answer, self.acceleration, self.forces, self.recoil)
+        return Following(*(a[:n] for a in arrays))
 
 
 @dataclass(frozen=True)
@@ -53,6 +102,7 @@ class Problem:
     echoes : (T, X) how the motor's motion between its samples follows the force on it, see driven_reconstruction.echo;
         empty where it is held
     force : (T, X, K + 1) the force that `motion` was reconstructed with [m/s²]
+    recoil, following : how a gantry's motors give way to the model's forces; None: their motion is held
     """
 
     model: Model
@@ -63,6 +113,15 @@ class Problem:
     free: tuple[bool, ...]
     echoes: tuple[tuple[FloatArray, ...], ...] = ()
     force: FloatArray | None = None
+    recoil: Recoil | None = None
+    following: Following | None = None
+
+    @property
+    def driven(self) -> Model:
+        """The model with the motors giving way."""
+        if self.recoil is None:
+            return self.model
+        return replace(self.model, effects=(*self.model.effects, self.recoil))
 
     @property
     def s(self) -> FloatArray:
@@ -80,9 +139,9 @@ class Problem:
     def first_steps(self, n: int) -> Problem:
         """The same problem with the first n steps only."""
         force = None if self.force is None else self.force[:n]
-        return replace(
-            self, grids=self.grids[:n], motion=self.motion[:n], echoes=self.echoes[:n], force=force
-        )
+        following = None if self.following is None else self.following.first_steps(n)
+        few = replace(self, grids=self.grids[:n], motion=self.motion[:n], following=following)
+        return replace(few, echoes=self.echoes[:n], force=force)
 
     def fixed_to(self, names: Sequence[str]) -> Problem:
         """The same problem in which only parameters ending in one of `names` are free."""
@@ -162,8 +221,11 @@ def load_start(problem: Problem, values: Values, c: FloatArray, local: FloatArra
     return out + (local * problem.local_spread)[..., :2]
 
 
-def respond(problem: Problem, shared: FloatArray, local: FloatArray) -> Response:
-    """Simulate sets of coordinates: shared (S, P), local (S, T, X, L)."""
+def respond(
+    problem: Problem, shared: FloatArray, local: FloatArray, shift: FloatArray | None = None
+) -> Response:
+    """Simulate sets of coordinates: shared (S, P), local (S, T, X, L); `shift` (S, K, X, 5) is added to the motors'
+    motion in every step."""
     free = values_of(problem.model.parameters, shared)
     values = problem.model.complete(free)
     skews = np.stack([values[f"{a}.skew"] for a in problem.model.axes], axis=1)
@@ -173,9 +235,12 @@ def respond(problem: Problem, shared: FloatArray, local: FloatArray) -> Response
 
     def simulated(c: FloatArray) -> Response:
         load = load_start(problem, values, c, local)
-        return simulate(problem.model, free, c, problem.s, load, problem.grids[0].h)
+        moved = c if shift is None else c + shift[:, None]
+        return simulate(problem.driven, free, moved, problem.s, load, problem.grids[0].h)
 
     response = simulated(c)
+    if problem.following is not None:
+        return problem.following.added(response)
     return simulated(c + followed(problem, response.force)) if problem.echoes else response
 
 
@@ -217,7 +282,8 @@ def jacobian(problem: Problem, at: Point) -> tuple[Response, FloatArray, FloatAr
     step_of = np.nonzero(np.stack([g.used for g in problem.grids]))[0]
     own = np.zeros((len(step_of), T, L * X))
     own[np.arange(len(step_of)), step_of] = slopes[len(free) :].T
-    first = Response(response.acceleration[:1], response.force[:1], response.relative[:1])
+    recoil = None if response.recoil is None else response.recoil[:1]
+    first = Response(response.acceleration[:1], response.force[:1], response.relative[:1], recoil)
     J = np.hstack((slopes[: len(free)].T, own.reshape(len(step_of), -1)))
     return first, r[0], np.where(np.abs(J) < OVERFLOWN, J, 0.0)
 
@@ -241,20 +307,46 @@ def cost(problem: Problem, at: Point, r: FloatArray, scale: float) -> float:
     return 0.5 * float(r @ r) / scale**2 + 0.5 * float(np.sum(priors(problem, at) ** 2))
 
 
-def trials(problem: Problem, at: Point, r: FloatArray, J: FloatArray, dampings: FloatArray) -> list[Point]:
-    """Levenberg-Marquardt steps from one linearisation, one per damping, shortened to 2 prior deviations."""
+def trials(
+    problem: Problem, at: Point, r: FloatArray, J: FloatArray, dampings: FloatArray
+) -> list[tuple[Point, float]]:
+    """Levenberg-Marquardt steps from one linearisation, one per damping, shortened to 2 prior deviations; and the
+    same with the curvature along each of them taken in (geodesic acceleration).
+
+    Stiffnesses and masses of a chain, each sharp and together loose, lie along a bent valley, in which straight
+    steps are short.
+    """
     scale = max(1.0, float(np.sqrt(np.mean(r**2))))
     H = J.T @ J / scale**2 + np.eye(J.shape[1])
     g = J.T @ r / scale**2 + priors(problem, at)
-    steps = (-np.linalg.solve(H + damping * np.diag(np.diag(H)), g) for damping in dampings)
-    return [moved(problem, at, step * min(1.0, 2.0 / float(np.max(np.abs(step))))) for step in steps]
+    solvers = [cho_factor(H + damping * np.diag(np.diag(H))) for damping in dampings]
+    steps = [shortened(-cho_solve(solver, g)) for solver in solvers]
+    probes = residuals_at(problem, [moved(problem, at, PROBE * step) for step in steps])
+    points = [(moved(problem, at, step), damping) for step, damping in zip(steps, dampings, strict=True)]
+    for solver, step, probe, damping in zip(solvers, steps, probes, dampings, strict=True):
+        bend = 2.0 / PROBE * ((probe - r) / PROBE - J @ step)
+        if np.all(np.isfinite(bend)):
+            second = -0.5 * cho_solve(solver, J.T @ bend / scale**2)
+            if second @ (np.diag(H) * second) < BENT**2 * (step @ (np.diag(H) * step)):
+                points.append((moved(problem, at, shortened(step + second)), damping))
+    return points
+
+
+def shortened(step: FloatArray) -> FloatArray:
+    """A step of at most 2 prior deviations in any coordinate."""
+    return np.asarray(step * min(1.0, 2.0 / float(np.max(np.abs(step)))))
+
+
+def residuals_at(problem: Problem, points: Sequence[Point]) -> FloatArray:
+    """Residuals (S, N) of points, simulated in one pass."""
+    shared, local = np.stack([p.shared for p in points]), np.stack([p.local for p in points])
+    with np.errstate(all="ignore"):
+        return residuals(problem, respond(problem, shared, local))
 
 
 def best_trial(problem: Problem, points: Sequence[Point], scale: float) -> tuple[int, float]:
     """Which of the points has the lowest cost, and that cost; all are simulated in one pass."""
-    shared, local = np.stack([p.shared for p in points]), np.stack([p.local for p in points])
-    with np.errstate(all="ignore"):
-        r = residuals(problem, respond(problem, shared, local))
+    r = residuals_at(problem, points)
     costs = [
         cost(problem, p, row, scale) if np.all(np.isfinite(row)) else np.inf
         for p, row in zip(points, r, strict=True)
@@ -272,16 +364,15 @@ def fit(problem: Problem, start: Point, rounds: int = 25, tolerance: float = 0.0
     response, r, J = jacobian(problem, at)
     for _ in range(rounds if np.all(np.isfinite(r)) else 0):
         scale = max(1.0, float(np.sqrt(np.mean(r**2))))
-        dampings = damping * LADDER
-        points = trials(problem, at, r, J, dampings)
-        best, reached = best_trial(problem, points, scale)
+        points = trials(problem, at, r, J, damping * LADDER)
+        best, reached = best_trial(problem, [point for point, _ in points], scale)
         gained = cost(problem, at, r, scale) - reached
         if gained <= 0.0:
             if damping > 1e3:
                 break
             damping *= 1e4
             continue
-        at, damping = points[best], float(np.clip(dampings[best], 1e-6, 1e6))
+        at, damping = points[best][0], float(np.clip(points[best][1], 1e-6, 1e6))
         response, r, J = jacobian(problem, at)
         if gained < tolerance:
             break

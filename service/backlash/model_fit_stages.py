@@ -12,6 +12,7 @@ import numpy as np
 
 from service.backlash.model_fit_data import Measured, problem_of, with_reconstructed_motion
 from service.backlash.model_fit_impurities import impurities
+from service.backlash.model_fit_motion import with_following_motors
 from service.backlash.model_fit_problem import Fit, Point, Problem, fit
 from service.backlash.model_fit_start import SEARCH_STEPS, Guess, best_starts, candidates
 from service.dynamics.driven_model import LINKS, Model
@@ -47,21 +48,35 @@ NEARER = 0.9
 """Share of the cost on a few steps below which another search's start is worth a fit of all steps."""
 
 
+ABANDONED = 5.0
+"""Starts whose misfit is this many times the best one's are left: another minimum."""
+
+
+ENOUGH = 1.5
+"""Misfit on a few steps of the heavier chain at which no further start is tried: other minima are far above."""
+
+
+STILL = 0.03
+"""Share of the cost by which a pass of the search has to lower it for another to follow."""
+
+
 GOOD = 1.15
 """Misfit at which no further start is tried: only noise is left."""
 
 
 @dataclass(frozen=True)
 class Effort:
-    """candidates : random machines; tried : those fitted for `brief` rounds, of which the best `starts` go on;
-    rounds, refine : of each pass, few and all steps; seed of the random machines; settling : cycles in which a start's
-    motor motion is made to agree with it before it is fitted."""
+    """candidates : random machines; tried : those fitted for `brief` rounds, of which the best `starts` go on; rounds,
+    heavier, refine : of each pass over few steps, over few steps of a gantry's heavier chain, and over all steps; seed
+    of the random machines; settling : cycles in which a start's motor motion is made to agree with it before it is
+    fitted."""
 
     candidates: int = 160
     starts: int = 3
     tried: int = 0
     brief: int = 6
     rounds: tuple[int, ...] = (7, 5, 5)
+    heavier: tuple[int, ...] = ()
     refine: tuple[int, ...] = (6, 5, 5)
     seed: int = 1
     settling: int = 0
@@ -73,6 +88,10 @@ class Outcome:
 
     problem: Problem
     fit: Fit
+
+    def lean(self) -> Outcome:
+        """Without the motors' following, which is large; what was fitted stays."""
+        return Outcome(replace(self.problem, following=None), self.fit)
 
 
 @dataclass(frozen=True)
@@ -89,21 +108,37 @@ def backlashes(problem: Problem, found: Fit) -> FloatArray:
     return np.array([found.value(problem.model, f"{axis}.backlash") for axis in problem.model.axes])
 
 
+def reconstructed(measured: Measured, problem: Problem, found: Fit, echoed: bool) -> Problem:
+    """The problem with the motors' motion by a fit; a gantry's motors always follow the forces."""
+    if len(measured.axes) == 2:
+        return with_following_motors(measured, problem, found)
+    return with_reconstructed_motion(measured, problem, found, echoed)
+
+
 def passes(
-    measured: Measured, problem: Problem, start: Point, rounds: tuple[int, ...], echoed: bool
+    measured: Measured,
+    problem: Problem,
+    start: Point,
+    rounds: tuple[int, ...],
+    echoed: bool,
+    still: float = 0.0,
 ) -> list[Outcome]:
-    """A fit, then fits with the motor's motion reconstructed from the one before; not every pass is better."""
+    """A fit, then fits with the motor's motion reconstructed from the one before; not every pass is better.
+
+    They end where the cost stands still: within half a unit, or within the share `still` of it.
+    """
     found = fit(problem, start, rounds[0], 1.0)
     out = [Outcome(problem, found)]
     for more in rounds[1:]:
         if found.misfit > HOPELESS:
             break
-        problem = with_reconstructed_motion(measured, problem, found, echoed)
+        problem = reconstructed(measured, problem, found, echoed)
         found = fit(problem, found.point, more, 0.3)
         out.append(Outcome(problem, found))
-        if abs(out[-2].fit.cost - found.cost) < 0.5:
+        if abs(out[-2].fit.cost - found.cost) < max(0.5, still * found.cost):
             break
-    return out
+    best = min(out, key=lambda o: o.fit.cost)
+    return [o if o is best else o.lean() for o in out]
 
 
 def settled(
@@ -118,7 +153,7 @@ def settled(
         found = fit(held, start, 3, 1.0)
         if found.misfit > HOPELESS:
             break
-        problem, start = with_reconstructed_motion(measured, problem, found, echoed), found.point
+        problem, start = reconstructed(measured, problem, found, echoed), found.point
     return replace(problem, free=(True,) * len(problem.free)), start
 
 
@@ -269,10 +304,20 @@ def with_impurities(problem: Problem, begin: Point) -> tuple[Problem, Point]:
     return replace(problem, model=model, free=free), Point(shared, begin.local)
 
 
-def with_heavier_chain(measured: Measured, staged: Staged, effort: Effort) -> Staged:
-    """The fit continued with the drive's lump split into gear and pinion; both structures' ends, the better as best."""
-    light = staged.best.problem.model
-    problem = problem_of(measured, replace(light, lumps=2), local_spread(light))
-    begin = Point(split(light, staged.best.fit, problem.model), staged.best.fit.point.local)
-    ends = [*staged.ends, *over_all_steps(measured, problem, begin, effort)]
-    return Staged(min(ends, key=lambda o: o.fit.cost), ends, staged.starts)
+def heavier_fit(measured: Measured, model: Model, guesses: dict[str, Guess], effort: Effort) -> Staged:
+    """All stages of a chain of two lumps, which is found by way of the chain of one: that has fewer minima."""
+    light = problem_of(measured, replace(model, lumps=1), local_spread(model))
+    starts = from_starts(measured, light, guesses, effort)
+    problem = problem_of(measured, replace(model, lumps=2), local_spread(model))
+    few, ends = problem.first_steps(SEARCH_STEPS), []
+    for start in starts:
+        if start.fit.misfit > ABANDONED * starts[0].fit.misfit:
+            break
+        begin = Point(split(light.model, start.fit, problem.model), start.fit.point.local)
+        begun, at = settled(measured, few, begin, 2, echoed=True)
+        ends += passes(measured, begun, at, effort.heavier, True, STILL)
+        if min(o.fit.misfit for o in ends) < ENOUGH:
+            break
+    found = min(ends, key=lambda o: o.fit.cost).fit.point
+    last = over_all_steps(measured, problem, Point(found.shared, repeated(problem, found.local)), effort)
+    return Staged(min(last, key=lambda o: o.fit.cost), last, [*starts, *ends])

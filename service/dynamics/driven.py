@@ -15,6 +15,7 @@ import numpy as np
 from service.dynamics.driven_effect import Case
 from service.dynamics.driven_model import LINKS, Model, Values, assemble, spring_damper
 from service.dynamics.driven_propagation import run
+from service.dynamics.driven_recoil import Recoil
 from service.recording import FloatArray
 
 
@@ -27,11 +28,13 @@ class Response:
     acceleration : (S, T, X, K) mean over each interval [m/s²], as the sensor would give it
     force : (S, T, X, K + 1) on the motor per moved mass [m/s²]
     relative : (S, T, X, K + 1) pinion minus load [m]; half the backlash is where a flank touches
+    recoil : (S, T, X, K + 1, 2) of the motors, position [m] and speed [m/s]; None where the model has none
     """
 
     acceleration: FloatArray
     force: FloatArray
     relative: FloatArray
+    recoil: FloatArray | None = None
 
 
 def initial_states(model: Model, values: Values, motor: FloatArray, load: FloatArray) -> FloatArray:
@@ -119,8 +122,13 @@ def simulate(
     predicted = np.diff(speeds, axis=2).swapaxes(2, 3) / h
     for effect, own, _ in model.cases(case):
         predicted = effect.measure(predicted, own)
+    recoil = None
+    for effect, _, room in model.cases(case):
+        if isinstance(effect, Recoil):
+            recoil = effect.of(states, room)
+            motor = motor + recoil
     relative = np.stack([relative_position(model, states, motor, a) for a in range(len(model.axes))], axis=2)
-    return Response(predicted, motor_force(model, case.values, states, motor), relative)
+    return Response(predicted, motor_force(model, case.values, states, motor), relative, recoil)
 
 
 def ends(c: FloatArray, h: float) -> FloatArray:
