@@ -87,6 +87,10 @@ def print_run(run: dict[str, Any]) -> None:
                 f"  {value['axis']}: {value['backlash_m'] * 1e6:.2f} µm (95 %: {interval} µm), {value['method']}",
                 markup=False,
             )
+    if any(value["method"] == "paper" and value["reported"] for value in run["results"]):
+        console.print(
+            f"  the fit of the whole model follows: see the page, or /api/v1/runs/{run['id']}", markup=False
+        )
     for check in run.get("model_checks", ()):
         for axis, words in check["in_words"].items():
             console.print(f"  {axis}, model check: {words}", markup=False)

@@ -68,7 +68,8 @@ function resultParts(run, result) {
   const text = result.backlash_m === null
     ? `no value. ${result.reason_in_words}`
     : `${um(result.backlash_m)} µm ${interval(result.backlash_m, result.interval_95_m)}`;
-  if (!result.reported) return [el("p", { class: "soft" }, `Beside it, ${byMethod(result.method)}: ${text}`)];
+  const whose = run.results.some((other) => other.axis === result.axis && other.reported) ? "Beside it" : `Axis ${result.axis}`;
+  if (!result.reported) return [el("p", { class: "soft" }, `${whose}, ${byMethod(result.method)}: ${text}`)];
   const parts = [el("h3", {}, `Axis ${result.axis}: ${text}`), el("p", { class: "soft" }, byMethod(result.method))];
   if (result.detail) parts.push(el("p", { class: "soft" }, result.detail));
   parts.push(...meaning(result));
