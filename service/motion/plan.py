@@ -232,6 +232,7 @@ def _where(axes: Sequence[AxisSettings], positions: Mapping[str, float], verb: s
 
 def _no_room(axes: Sequence[AxisSettings], positions: Mapping[str, float], length: float) -> str:
     return (
-        f"no room for a step of {length * 1e3:g} mm: {_where(axes, positions)}. Likely the axis was parked at an end "
-        "stop or has lost its reference: move it into its travel, or home it, and run again"
+        f"no room for a step of {length * 1e3:g} mm: {_where(axes, positions)}. Likely the axis stands too near an end "
+        "of its travel for a step of this length, or has lost its reference: move it further into its travel, for a "
+        "long step to one end of it, or home it, and run again"
     )

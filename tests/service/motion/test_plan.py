@@ -37,7 +37,7 @@ def test_an_axis_outside_its_travel_does_not_move(settings: Settings) -> None:
 
 def test_a_gantry_needs_room_on_both_sides_at_once(settings: Settings) -> None:
     axes = (settings.axis_named("X1"), settings.axis_named("X2"))
-    with pytest.raises(NotPermitted, match="end stop"):
+    with pytest.raises(NotPermitted, match="too near an end"):
         plan_steps(axes, settings.excitation, {"X1": 0.001, "X2": 2.9999})
 
 
