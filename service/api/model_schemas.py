@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from datetime import datetime
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -195,9 +195,12 @@ class MoveRequest(Schema):
     direction: Literal[-1, 1] = Field(
         default=1, description="Direction of the first step, where there is room."
     )
-    position: str = Field(
-        default="", max_length=200, description="As proposed; the axis steps where it stands."
+    positions_m: list[Annotated[float, Field(allow_inf_nan=False)]] = Field(
+        default=[],
+        max_length=50,
+        description="Where along the rack to step [m], travelling there and back; empty: where the axis stands.",
     )
+    position: str = Field(default="", max_length=200, description="As proposed, in words.")
     why: str = Field(default="", max_length=2000, description="As proposed.")
 
 
@@ -207,6 +210,7 @@ class StepsView(Schema):
     length_m: float = Field(description="Length of a step [m].")
     jerk_m_s3: float = Field(description="Jerk of a step [m/s³].")
     direction: int = Field(description="Direction of the first step, where there was room.")
+    positions_m: list[float] = Field(description="Where along the rack [m]; empty: where the axis stood.")
 
 
 class ComputingView(Schema):

@@ -81,4 +81,9 @@ def steps_view(steps: StepParameters | None) -> StepsView | None:
     """Show the steps of a run that were not the configured ones."""
     if steps is None:
         return None
-    return StepsView(length_m=steps.length, jerk_m_s3=steps.jerk, direction=steps.direction)
+    return StepsView(
+        length_m=steps.length,
+        jerk_m_s3=steps.jerk,
+        direction=steps.direction,
+        positions_m=list(steps.places),
+    )

@@ -3,7 +3,7 @@
 Unknown keys are errors; environment variables ``FLANKWATCH_API__PORT`` and the like override the file.
 """
 
-from service.config.checks import HEARTBEAT_PERIOD, check_excitation, frames_on
+from service.config.checks import HEARTBEAT_PERIOD, check_excitation, check_room, frames_on
 from service.config.sections import (
     AxisSettings,
     BusSettings,
@@ -21,6 +21,7 @@ __all__ = [
     "Settings",
     "TravelSettings",
     "check_excitation",
+    "check_room",
     "frames_on",
     "load_settings",
 ]

@@ -119,21 +119,8 @@ def check_excitation(axis: AxisSettings, excitation: ExcitationSettings) -> None
 
 def check_places(machine: Declared) -> None:
     """Diagnostic positions with room for their steps, and the same ones for both sides of a bridge."""
-    half = machine.excitation.step_length_m / 2
     for axis in machine.axis:
-        low, high = axis.travel_min_m + half, axis.travel_max_m - half
-        for place in axis.diagnostic_positions_m:
-            if not low <= place <= high:
-                raise ValueError(
-                    f"axis {axis.name}: diagnostic position {place:g} m leaves no room for a step around it; within "
-                    f"its travel and half a step's length from its ends are {low:g} to {high:g} m"
-                )
-        ordered = sorted(axis.diagnostic_positions_m)
-        if any(b - a <= 2 * half for a, b in pairwise(ordered)):
-            raise ValueError(
-                f"axis {axis.name}: two diagnostic positions are nearer than a step's length of "
-                f"{2e3 * half:g} mm, which is one place; leave one of them out"
-            )
+        check_room(axis, axis.diagnostic_positions_m, machine.excitation.step_length_m)
     for gantry in machine.gantry:
         first, second = (_axis(machine, name).diagnostic_positions_m for name in gantry.axes)
         if first != second:
@@ -141,6 +128,22 @@ def check_places(machine: Declared) -> None:
                 f"gantry {gantry.name}: its axes move one bridge, but {gantry.axes[0]} has diagnostic_positions_m = "
                 f"{list(first)} and {gantry.axes[1]} has {list(second)}; give both the same"
             )
+
+
+def check_room(axis: AxisSettings, places: Sequence[float], length: float) -> None:
+    """Raise ValueError unless every place has room for steps of this length [m] around it, and is one of its own."""
+    low, high = axis.travel_min_m + length / 2, axis.travel_max_m - length / 2
+    for place in places:
+        if not low <= place <= high:
+            raise ValueError(
+                f"axis {axis.name}: diagnostic position {place:g} m leaves no room for a step around it; within its "
+                f"travel and half a step's length from its ends are {low:g} to {high:g} m"
+            )
+    if any(b - a <= length for a, b in pairwise(sorted(places))):
+        raise ValueError(
+            f"axis {axis.name}: two diagnostic positions are nearer than a step's length of {1e3 * length:g} mm, "
+            "which is one place; leave one of them out"
+        )
 
 
 def _axis(machine: Declared, name: str) -> AxisSettings:

@@ -74,9 +74,12 @@ class BusMachine:
         configured = self._settings.excitation
         if steps is not None:
             changed = {"step_length_m": steps.length, "jerk_m_s3": steps.jerk}
-            return plan_steps(axes, configured.model_copy(update=changed), positions, steps.direction)
-        if axes[0].diagnostic_positions_m:
-            return plan_map(axes, configured, self._settings.travel, positions)
+            other = configured.model_copy(update=changed)
+            if steps.places:
+                return plan_map(axes, other, self._settings.travel, positions, steps.places, steps.direction)
+            return plan_steps(axes, other, positions, steps.direction)
+        if places := axes[0].diagnostic_positions_m:
+            return plan_map(axes, configured, self._settings.travel, positions, places)
         return plan_steps(axes, configured, positions)
 
     def bus_log(self) -> bytes:

@@ -13,11 +13,15 @@ from service.recording import Recording
 
 @dataclass(frozen=True)
 class Steps:
-    """Steps other than the configured ones: SL [m], j_lim [m/s³], direction of the first one ±1."""
+    """Steps other than the configured ones: SL [m], j_lim [m/s³], direction of the first one ±1.
+
+    ``places`` [m] are the middles of the steps along the rack; empty: where the axis stands.
+    """
 
     length: float
     jerk: float
     direction: int = 1
+    places: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)

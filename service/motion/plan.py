@@ -119,11 +119,15 @@ def plan_map(
     excitation: ExcitationSettings,
     travel: TravelSettings,
     positions: Mapping[str, float],
+    places: Sequence[float],
+    first: int = 1,
 ) -> Plan:
-    """Plan the steps at every diagnostic position of a group, the ways between them, and the way back.
+    """Plan the steps at several places of a group, the ways between them, and the way back.
 
     Parameters
     ----------
+    places : middles of the steps [m], in their order
+    first : direction ±1 of the first step at each place
     positions : present position of each axis [m], in the coordinates of travel_min_m and travel_max_m
 
     Raises
@@ -133,12 +137,13 @@ def plan_map(
     require_inside(axes, positions)
     _require_one_place(axes, positions, excitation.step_length_m / 2)
     begin = here = sum(positions[axis.name] for axis in axes) / len(axes)
-    steps = _alternating(excitation, 1)
+    steps = _alternating(excitation, first)
+    reach = first * excitation.step_length_m
     visits = []
-    for place in axes[0].diagnostic_positions_m:
-        way = _way(axes, travel, place - excitation.step_length_m / 2 - here, place)
+    for place in places:
+        way = _way(axes, travel, place - reach / 2 - here, place)
         here += 0.0 if way is None else way.distance
-        _require_room(axes, {name: at + here - begin for name, at in positions.items()}, excitation)
+        _require_room(axes, {name: at + here - begin for name, at in positions.items()}, reach)
         visits.append(Visit(way, steps))
         here += sum(step.direction * step.length for step in steps)
     return _plan(axes, excitation, tuple(visits), _way(axes, travel, begin - here, positions[axes[0].name]))
@@ -153,11 +158,9 @@ def require_inside(axes: Sequence[AxisSettings], positions: Mapping[str, float])
         )
 
 
-def _require_room(
-    axes: Sequence[AxisSettings], there: Mapping[str, float], excitation: ExcitationSettings
-) -> None:
+def _require_room(axes: Sequence[AxisSettings], there: Mapping[str, float], reach: float) -> None:
     """Raise NotPermitted unless the steps forth from a place keep every axis, not only the first, inside."""
-    if not all(_stays_inside(axis, there[axis.name], excitation.step_length_m) for axis in axes):
+    if not all(_stays_inside(axis, there[axis.name], reach) for axis in axes):
         raise NotPermitted(
             f"no room at a diagnostic position: there {_where(axes, there, 'would stand')}. The two sides of the "
             "bridge differ by that little: move the position further from the end of the travel"

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from datetime import date
 
-from service.config import Settings, check_excitation
+from service.config import Settings, check_excitation, check_room
 from service.motion import messages
 from service.runs.diagnostic_run import Workshop, diagnostic_run
 from service.store.errors import StoreError
@@ -180,6 +180,7 @@ def beyond_limits(settings: Settings, target: str, steps: StepParameters) -> str
     try:
         for axis in settings.groups[group] if group else ():
             check_excitation(settings.axis_named(axis), excitation)
+            check_room(settings.axis_named(axis), steps.places, steps.length)
     except ValueError as error:
         return str(error)
     duration = 4 * (steps.length / (2 * steps.jerk)) ** (1 / 3)

@@ -155,7 +155,7 @@ def _concluded(
 def _steps(run: RunRecord) -> Steps | None:
     if run.steps is None:
         return None
-    return Steps(run.steps.length, run.steps.jerk, run.steps.direction)
+    return Steps(run.steps.length, run.steps.jerk, run.steps.direction, run.steps.places)
 
 
 def _end(run: RunRecord, now: datetime, capture: CaptureFile, reported: Sequence[AxisResult]) -> RunEnd:

@@ -39,11 +39,15 @@ class AxisRecord:
 
 @dataclass(frozen=True)
 class StepParameters:
-    """Steps other than the configured ones, to tell two candidates apart: SL [m], j_lim [m/s³], first direction ±1."""
+    """Steps other than the configured ones, to tell two candidates apart: SL [m], j_lim [m/s³], first direction ±1.
+
+    ``places`` [m] are the middles of the steps along the rack; empty: where the axis stands.
+    """
 
     length: float
     jerk: float
     direction: int = 1
+    places: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -59,13 +59,15 @@ def _step_parameters(steps: StepParameters | None) -> Values:
         "step_length_m": steps.length,
         "step_jerk_m_s3": steps.jerk,
         "step_direction": steps.direction,
+        "step_places_m": list(steps.places) or None,
     }
 
 
 def run_of(row: RowMapping, axes: tuple[str, ...]) -> RunRecord:
     """Read a run."""
     capture = CaptureFile(row["capture_path"], row["capture_sha256"]) if row["capture_path"] else None
-    steps = StepParameters(row["step_length_m"], row["step_jerk_m_s3"], row["step_direction"])
+    places = tuple(row["step_places_m"] or ())
+    steps = StepParameters(row["step_length_m"], row["step_jerk_m_s3"], row["step_direction"], places)
     return RunRecord(
         id=row["id"],
         kind=row["kind"],

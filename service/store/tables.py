@@ -96,6 +96,7 @@ runs = Table(
     Column("step_length_m", Float),
     Column("step_jerk_m_s3", Float),
     Column("step_direction", Integer),
+    Column("step_places_m", JSON(none_as_null=True)),
     CheckConstraint("kind IN ('on_demand', 'nightly')", name="kind"),
     CheckConstraint("state IN ('queued', 'running', 'ok', 'refused', 'failed')", name="state"),
     CheckConstraint("(kind = 'nightly') = (local_date IS NOT NULL)", name="nightly_has_date"),

@@ -56,7 +56,7 @@ def test_the_proposed_move_is_made_and_settles_what_looked_alike(
     run = make(opened, api, {"axis": axis, **move})
     assert run["state"] in ("ok", "refused"), run["detail"]
     assert run["axes"] == (["X1", "X2"] if axis == "X2" else ["Y"])
-    assert run["other_steps"] == {"length_m": 0.008, "jerk_m_s3": 50.0, "direction": -1}
+    assert run["other_steps"] == {"length_m": 0.008, "jerk_m_s3": 50.0, "direction": -1, "positions_m": []}
     record = opened.repository.run(run["id"])
     assert record.capture is not None
     moves = read_capture(opened.settings.storage.captures / record.capture.path).moves
@@ -76,6 +76,7 @@ def test_the_proposed_move_is_made_and_settles_what_looked_alike(
         ({"length_m": 2.0, "jerk_m_s3": 1.0}, "longer than its travel of 1000 mm"),
         ({"length_m": 0.01, "jerk_m_s3": 2000.0}, "a_max = 27.1 m/s², the axis' limit is 10"),
         ({"length_m": 0.5, "jerk_m_s3": 1e-3}, "raise the jerk"),
+        ({"positions_m": [0.0, 0.499]}, "position 0.499 m leaves no room"),
     ],
 )
 def test_a_move_beyond_the_limits_is_refused_before_a_run_begins(
@@ -86,6 +87,18 @@ def test_a_move_beyond_the_limits_is_refused_before_a_run_begins(
     assert (refused.status_code, refused.json()["type"]) == (422, "urn:flankwatch:problem:beyond-limits")
     assert says in refused.json()["detail"]
     assert len(api.get("/api/v1/runs").json()["items"]) == known
+
+
+def test_a_move_is_made_where_it_is_wanted(opened: House, api: TestClient) -> None:
+    move = {"axis": "Y", "length_m": 0.008, "jerk_m_s3": 50.0, "direction": -1, "positions_m": [-0.05, 0.05]}
+    run = make(opened, api, move)
+    assert run["other_steps"]["positions_m"] == [-0.05, 0.05]
+    record = opened.repository.run(run["id"])
+    assert record.capture is not None
+    moves = read_capture(opened.settings.storage.captures / record.capture.path).moves
+    middles = [m.position + m.direction * m.length / 2 for m in moves if m.position is not None]
+    assert middles == pytest.approx([-0.05] * 10 + [0.05] * 10, abs=2e-4)
+    assert moves[0].direction == -1
 
 
 def test_a_move_without_room_where_the_axis_stands_fails_and_says_what_to_do(

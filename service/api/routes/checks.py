@@ -92,7 +92,7 @@ def _add_moves(api: APIRouter, repository: Repository, checks: Checks) -> None:
         The run is recorded and explained; its values are no measurements of the axis and enter no trend.
         """
         target = _target(CheckRequest(axis=body.axis), repository)
-        steps = StepParameters(body.length_m, body.jerk_m_s3, body.direction)
+        steps = StepParameters(body.length_m, body.jerk_m_s3, body.direction, tuple(body.positions_m))
         answer = checks.request_steps(target, steps)
         if isinstance(answer, BeyondLimits):
             raise ProblemError(

@@ -26,12 +26,15 @@ const actions = {
 
   async move(axis, moving, move) {
     const { length_m, jerk_m_s3, direction } = move;
-    $("check-text").textContent = `${moving.join(" and ")} will make a row of steps of ${(length_m * 1e3).toFixed(1)} mm with a jerk of `
-      + `${rounded(jerk_m_s3)} m/s³ where they stand, the first one ${direction > 0 ? "forth" : "back"}: ${move.why}. They are `
+    // Told apart along the travel: at the places where the axis steps for its map, if it does.
+    const positions_m = move.position === "along the whole travel" ? axis.diagnostic_positions_m : [];
+    const where = positions_m.length ? `travel to ${positions_m.map((m) => `${m.toFixed(3)} m`).join(", ")} and back, and there ` : "";
+    $("check-text").textContent = `${moving.join(" and ")} will ${where}make a row of steps of ${(length_m * 1e3).toFixed(1)} mm with a jerk of `
+      + `${rounded(jerk_m_s3)} m/s³${where ? "" : " where they stand"}, the first one ${direction > 0 ? "forth" : "back"}: ${move.why}. They are `
       + "no measurement of the backlash. Make sure that nobody is in the machine, that it is idle, and that the way is free.";
     $("check-go").textContent = "Move";
     if (!(await confirmed($("check-dialog")))) return;
-    const body = { axis: axis.name, length_m, jerk_m_s3, direction, position: move.position, why: move.why };
+    const body = { axis: axis.name, length_m, jerk_m_s3, direction, positions_m, position: move.position, why: move.why };
     await act(() => postJson("/api/v1/moves", body));
   },
 

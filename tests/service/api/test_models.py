@@ -152,7 +152,7 @@ def test_a_separating_move_becomes_a_run_of_these_steps(house: House) -> None:
     response = house.client.post("/api/v1/moves", json=move)
     assert response.status_code == 202
     run = house.get(response.headers["Location"])
-    assert run["other_steps"] == {"length_m": 0.008, "jerk_m_s3": 50.0, "direction": -1}
+    assert run["other_steps"] == {"length_m": 0.008, "jerk_m_s3": 50.0, "direction": -1, "positions_m": []}
     problem(house.client.post("/api/v1/moves", json=move), 409, "busy")
 
 

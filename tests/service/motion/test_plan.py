@@ -42,10 +42,8 @@ def test_a_gantry_needs_room_on_both_sides_at_once(settings: Settings) -> None:
 
 
 def at_places(settings: Settings, positions: dict[str, float], *places: float) -> Plan:
-    axes = [
-        settings.axis_named(name).model_copy(update={"diagnostic_positions_m": places}) for name in positions
-    ]
-    return plan_map(axes, settings.excitation, settings.travel, positions)
+    axes = [settings.axis_named(name) for name in positions]
+    return plan_map(axes, settings.excitation, settings.travel, positions, places)
 
 
 def test_a_map_steps_around_each_place_and_ends_where_it_began(settings: Settings) -> None:
@@ -63,13 +61,20 @@ def test_a_map_steps_around_each_place_and_ends_where_it_began(settings: Setting
 
 def test_an_odd_number_of_steps_comes_back_too(settings: Settings) -> None:
     odd = settings.excitation.model_copy(update={"steps": 5})
-    axis = settings.axis_named("Y").model_copy(update={"diagnostic_positions_m": (-0.5, 0.3)})
-    plan = plan_map([axis], odd, settings.travel, {"Y": 0.1})
+    plan = plan_map([settings.axis_named("Y")], odd, settings.travel, {"Y": 0.1}, (-0.5, 0.3))
     steps = sum(step.direction * step.length for step in plan.steps)
     ways = [visit.travel.distance for visit in plan.visits if visit.travel is not None]
     assert plan.way_back is not None
     assert steps + sum(ways) + plan.way_back.distance == pytest.approx(0.0)
     assert ways[1] == pytest.approx(0.8 - 0.004)
+
+
+def test_steps_that_begin_backwards_lie_around_the_same_place(settings: Settings) -> None:
+    plan = plan_map([settings.axis_named("Y")], settings.excitation, settings.travel, {"Y": 0.1}, (0.3,), -1)
+    (visit,) = plan.visits
+    assert visit.travel is not None
+    assert visit.steps[0].direction == -1
+    assert 0.1 + visit.travel.distance - 0.002 == pytest.approx(0.3)
 
 
 def test_no_travel_where_the_axis_stands_at_the_place_already(settings: Settings) -> None:
@@ -79,10 +84,10 @@ def test_no_travel_where_the_axis_stands_at_the_place_already(settings: Settings
 
 
 def test_a_travel_is_never_faster_than_the_slowest_axis(settings: Settings) -> None:
-    slow = {"velocity_limit_m_s": 0.12, "acceleration_limit_m_s2": 0.5, "diagnostic_positions_m": (2.0,)}
+    slow = {"velocity_limit_m_s": 0.12, "acceleration_limit_m_s2": 0.5}
     axes = [settings.axis_named("X1"), settings.axis_named("X2").model_copy(update=slow)]
-    axes[0] = axes[0].model_copy(update={"diagnostic_positions_m": (2.0,)})
-    (visit,) = plan_map(axes, settings.excitation, settings.travel, {"X1": 1.0, "X2": 1.0}).visits
+    stand = {"X1": 1.0, "X2": 1.0}
+    (visit,) = plan_map(axes, settings.excitation, settings.travel, stand, (2.0,)).visits
     assert visit.travel is not None
     assert visit.travel.v_max <= 0.12
     assert visit.travel.a_max <= 0.5
