@@ -44,7 +44,7 @@ SHARINGS = tuple(
 """Shares of gear, pinion and contact in the compliance and of gear and pinion in the drive's mass."""
 
 
-NEARER = 0.9
+NEARER = 0.75
 """Share of the cost on a few steps below which another search's start is worth a fit of all steps."""
 
 
@@ -69,7 +69,7 @@ class Effort:
     """candidates : random machines; tried : those fitted for `brief` rounds, of which the best `starts` go on; rounds,
     heavier, refine : of each pass over few steps, over few steps of a gantry's heavier chain, and over all steps; seed
     of the random machines; settling : cycles in which a start's motor motion is made to agree with it before it is
-    fitted."""
+    fitted; sharings : whether others of softness and mass are tried."""
 
     candidates: int = 160
     starts: int = 3
@@ -80,6 +80,7 @@ class Effort:
     refine: tuple[int, ...] = (6, 5, 5)
     seed: int = 1
     settling: int = 0
+    sharings: bool = True
 
 
 @dataclass(frozen=True)
@@ -270,7 +271,7 @@ def best_shared_out(few: Problem, begin: Point, effort: Effort) -> Outcome:
     has a minimum of its own: fitted without impurities, a bent contact is taken for a stiff one on a soft pinion.
     """
     found = fit(few, begin, effort.brief, 0.3)
-    if found.misfit > ONLY_NOISE:
+    if effort.sharings and found.misfit > ONLY_NOISE:
         points = [
             Point(shared_out(few.model, found.point.shared, *way), found.point.local) for way in SHARINGS
         ]
