@@ -76,8 +76,8 @@ def check(
     """Have the running service make a diagnostic run now, wait for it, and print what it found. The axis moves."""
     from service.remote import RemoteError, Service
 
-    service = Service(url, os.environ.get("FLANKWATCH_TOKEN"))
     try:
+        service = Service(url, os.environ.get("FLANKWATCH_TOKEN"))
         with progress_bar() as bar:
             task = bar.add_task(f"check {target}", total=None)
             run = service.check(target, lambda done, total, text: advance(bar, task, done, total, text))
@@ -113,7 +113,7 @@ def check_config(
     console = Console(highlight=False)
     console.print(f"{config}: sound, machine {settings.machine.name!r}", markup=False)
     for group, axes in settings.groups.items():
-        console.print(f"  group {group}: {', '.join(axes)}", markup=False)
+        console.print(f"  group {group}: {', '.join(axes)}{_places(settings, axes)}", markup=False)
     console.print(
         f"  step: {excitation.step_length_m * 1e3:g} mm in {step.duration * 1e3:.1f} ms, "
         f"a_max {step.a_max:.2f} m/s², v_max {step.v_max * 1e3:.1f} mm/s"
@@ -121,6 +121,14 @@ def check_config(
     for bus in settings.bus:
         load = bus_load(frames_on(settings, bus), bus.bitrate)
         console.print(f"  bus {bus.name}: {load:.0%} of {bus.bitrate // 1000} kbit/s", markup=False)
+
+
+def _places(settings: Settings, axes: tuple[str, ...]) -> str:
+    """Where a check of the group travels to; nothing where it steps where it stands."""
+    members = [settings.axis_named(name) for name in axes]
+    places = ", ".join(f"{place:g} m" for place in members[0].diagnostic_positions_m)
+    speed = min(settings.travel.velocity_m_s, *(axis.velocity_limit_m_s for axis in members))
+    return f"; every check travels to {places} and back, at {speed:g} m/s at most" if places else ""
 
 
 @contextmanager

@@ -101,8 +101,8 @@ def _explain_run(
 ) -> dict[str, Any]:
     from service.remote import RemoteError, Service
 
-    service = Service(url, os.environ.get("FLANKWATCH_TOKEN"))
     try:
+        service = Service(url, os.environ.get("FLANKWATCH_TOKEN"))
         explained = service.explain(run, tell)
         for path, part in ((predictions, "predictions"), (report, "report")):
             if path is not None:

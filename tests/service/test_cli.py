@@ -147,6 +147,13 @@ def test_a_configuration_is_explained_or_refused(tmp_path: Path) -> None:
     told = call("check-config", example)
     assert told.exit_code == 0
     assert "group X: X1, X2" in told.stdout
+    assert "travels" not in told.stdout
+    travelling = tmp_path / "travelling.toml"
+    text = example.read_text(encoding="utf-8").replace("# diagnostic_positions_m", "diagnostic_positions_m")
+    travelling.write_text(text, encoding="utf-8")
+    assert "group Y: Y; every check travels to -0.6 m, 0 m, 0.6 m and back, at 0.25 m/s" in call(
+        "check-config", travelling
+    ).stdout.replace("\n", " ")
     wrong = tmp_path / "wrong.toml"
     wrong.write_text(example.read_text(encoding="utf-8").replace("[machine]", "[machin]"), encoding="utf-8")
     refused = call("check-config", wrong)
@@ -154,10 +161,14 @@ def test_a_configuration_is_explained_or_refused(tmp_path: Path) -> None:
     assert "is machine meant?" in refused.stderr
 
 
-def test_a_check_without_a_service_says_what_to_do() -> None:
-    result = call("check", "X1", "--url", "http://127.0.0.1:9")
+@pytest.mark.parametrize(
+    ("url", "says"), [("http://127.0.0.1:9", "is it running?"), ("ftp://x", "use http://host:port")]
+)
+@pytest.mark.parametrize("command", [("check", "X1"), ("explain", "--run", "1")])
+def test_without_a_service_it_says_what_to_do(command: tuple[str, ...], url: str, says: str) -> None:
+    result = call(*command, "--url", url)
     assert result.exit_code == 1
-    assert "is it running?" in result.stderr
+    assert says in result.stderr
 
 
 def test_explain_finds_the_time_skew_of_a_real_robot(shared_dir: Path, tmp_path: Path) -> None:
