@@ -17,7 +17,7 @@ import numpy as np
 from scipy.interpolate import BSpline
 
 from service.backlash.model_fit_data import Measured, noise_at_rest
-from service.backlash.model_fit_problem import Fit, Following, Point, Problem, respond
+from service.backlash.model_fit_problem import TOGETHER, Fit, Following, Point, Problem, respond
 from service.dynamics.driven_motion import between
 from service.dynamics.driven_recoil import Recoil
 from service.dynamics.driven_smoothing import (
@@ -50,8 +50,8 @@ GUARD = 0.1
 NUDGE = 1e-8
 """Speed by which the motors are moved for the difference quotients [m/s]."""
 
-AT_ONCE = 40
-"""Motions simulated in one pass; more gain no speed and cost 1 MB each."""
+RUNAWAY = 1e12
+"""A slope beyond this is a lane that left the range of numbers; it is left out."""
 
 
 @dataclass(frozen=True)
@@ -184,17 +184,20 @@ def sensitivities(problem: Problem, at: Point, motions: FloatArray) -> Following
     shifts = np.zeros((1 + X * B, K, X, 5))
     for x in range(X):
         shifts[1 + x * B : 1 + (x + 1) * B, :, x] = NUDGE * motions
-    parts = [shifts[:1], *(shifts[k : k + AT_ONCE] for k in range(1, 1 + X * B, AT_ONCE))]
-    found = []
-    for part in parts:
-        S = len(part)
-        response = respond(problem, np.tile(at.shared, (S, 1)), np.tile(at.local, (S, 1, 1, 1)), part)
-        assert response.recoil is not None
-        found.append((response.acceleration, response.force, response.recoil))
-    arrays = []
-    for k in range(3):
-        whole = np.concatenate([f[k] for f in found[1:]])
-        slope = (whole - found[0][k]) / NUDGE
-        slope = np.where(np.abs(slope) < 1e12, slope, 0.0)
-        arrays.append(np.moveaxis(slope, 0, -1).reshape(slope.shape[1], -1, X * B))
-    return Following(np.zeros(0), np.zeros(0), *arrays)
+    still = answers(problem, at, shifts[:1])
+    slopes = [np.empty((*part.shape[1:], X * B)) for part in still]
+    for k in range(1, 1 + X * B, TOGETHER):
+        ways = shifts[k : k + TOGETHER]
+        for slope, moved, before in zip(slopes, answers(problem, at, ways), still, strict=True):
+            change = np.moveaxis((moved - before) / NUDGE, 0, -1)
+            slope[..., k - 1 : k - 1 + len(ways)] = np.where(np.abs(change) < RUNAWAY, change, 0.0)
+    nothing = np.zeros(0)
+    return Following(nothing, nothing, *(slope.reshape(len(slope), -1, X * B) for slope in slopes))
+
+
+def answers(problem: Problem, at: Point, shifts: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Accelerations, forces and recoil (S, T, …) with the motors moved by `shifts` (S, K, X, 5)."""
+    S = len(shifts)
+    response = respond(problem, np.tile(at.shared, (S, 1)), np.tile(at.local, (S, 1, 1, 1)), shifts)
+    assert response.recoil is not None
+    return response.acceleration, response.force, response.recoil

@@ -90,6 +90,13 @@ class Outcome:
     problem: Problem
     fit: Fit
 
+    def kept(self, best: Outcome) -> Outcome:
+        """The best outcome without what only a further reconstruction needs, any other lean."""
+        following = self.problem.following
+        if self is not best or following is None:
+            return self.lean()
+        return Outcome(replace(self.problem, following=following.judged()), self.fit)
+
     def lean(self) -> Outcome:
         """Without the motors' following, which is large; what was fitted stays."""
         return Outcome(replace(self.problem, following=None), self.fit)
@@ -135,11 +142,12 @@ def passes(
             break
         problem = reconstructed(measured, problem, found, echoed)
         found = fit(problem, found.point, more, 0.3)
-        out.append(Outcome(problem, found))
+        best = min(out, key=lambda o: o.fit.cost)
+        out = [*(o.kept(best) for o in out), Outcome(problem, found)]
         if abs(out[-2].fit.cost - found.cost) < max(0.5, still * found.cost):
             break
     best = min(out, key=lambda o: o.fit.cost)
-    return [o if o is best else o.lean() for o in out]
+    return [o.kept(best) for o in out]
 
 
 def settled(
@@ -174,7 +182,7 @@ def from_starts(
         at = Point(p.shared, p.local[:SEARCH_STEPS])
         begun, at = settled(measured, few, at, effort.settling, echoed=effort.settling > 0)
         tried = passes(measured, begun, at, effort.rounds, echoed=effort.settling > 0)
-        ends.append(min(tried, key=lambda o: o.fit.cost))
+        ends.append(min(tried, key=lambda o: o.fit.cost).lean())
         if ends[-1].fit.misfit < GOOD:
             break
     return sorted(ends, key=lambda o: o.fit.cost)
@@ -316,7 +324,7 @@ def heavier_fit(measured: Measured, model: Model, guesses: dict[str, Guess], eff
             break
         begin = Point(split(light.model, start.fit, problem.model), start.fit.point.local)
         begun, at = settled(measured, few, begin, 2, echoed=True)
-        ends += passes(measured, begun, at, effort.heavier, True, STILL)
+        ends += [o.lean() for o in passes(measured, begun, at, effort.heavier, True, STILL)]
         if min(o.fit.misfit for o in ends) < ENOUGH:
             break
     found = min(ends, key=lambda o: o.fit.cost).fit.point
