@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from service.backlash.model_fit_problem import OVERFLOWN, Point, Problem, jacobian
+from service.backlash.model_fit_problem import DIFFERENCE, OVERFLOWN, Point, Problem, jacobian
 from service.recording import FloatArray
 
 LASTING = 0.004
@@ -32,6 +32,10 @@ passage; also the width over which a residual's local size is taken."""
 
 REMEMBERED = 0.012
 """Longest lag at which residuals are correlated [s]: a contact has swung out by then."""
+
+
+JUMP = 1.0
+"""Difference of the derivatives from both sides that is a jump: over the lesser, and beside one noise a coordinate."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +88,7 @@ class Linearised:
 def linearised(problem: Problem, at: Point) -> Linearised:
     """The fit linearised at its end; everything is free there."""
     _, r, J = jacobian(problem, at)
+    J = gentler(J, jacobian(problem, at, -DIFFERENCE)[2])
     r = np.clip(np.nan_to_num(r), -OVERFLOWN, OVERFLOWN)
     step_of, axis, sample = np.nonzero(np.stack([grid.used for grid in problem.grids]))
     P, L = len(at.shared), at.local[0].size
@@ -95,6 +100,17 @@ def linearised(problem: Problem, at: Point) -> Linearised:
         information += shared.T @ cleared
         steps.append(Step(axis[rows], sample[rows], r[rows], shared, own, cleared))
     return Linearised(problem, at, tuple(steps), np.asarray(np.linalg.inv(information), dtype=np.float64))
+
+
+def gentler(forward: FloatArray, backward: FloatArray) -> FloatArray:
+    """Derivatives from both sides as one: their mean, or the lesser where only one side meets a jump.
+
+    Where a flank just touches or leaves within a difference's reach the response jumps by a little; over the difference
+    that is a derivative of thousands, which would tell the parameter more sharply than any sample can.
+    """
+    apart = np.abs(forward - backward) > JUMP * np.minimum(np.abs(forward), np.abs(backward)) + JUMP
+    lesser = np.where(np.abs(forward) < np.abs(backward), forward, backward)
+    return np.where(apart, lesser, 0.5 * (forward + backward))
 
 
 def coloured(residual: FloatArray, influence: FloatArray, h: float) -> float:

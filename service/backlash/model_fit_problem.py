@@ -296,19 +296,21 @@ def residuals(problem: Problem, response: Response) -> FloatArray:
     return np.asarray(difference[:, used])
 
 
-def jacobian(problem: Problem, at: Point) -> tuple[Response, FloatArray, FloatArray]:
+def jacobian(
+    problem: Problem, at: Point, difference: float = DIFFERENCE
+) -> tuple[Response, FloatArray, FloatArray]:
     """Response at a point, residuals (N,), and their derivative (N, F + T·X·L), F free shared coordinates."""
     free = np.flatnonzero(problem.free)
     T, X, L = at.local.shape
     S = 1 + len(free) + L * X
     shared, local = np.tile(at.shared, (S, 1)), np.tile(at.local, (S, 1, 1, 1))
     for row, k in enumerate(free):
-        shared[1 + row, k] += DIFFERENCE
+        shared[1 + row, k] += difference
     for j in range(L * X):
-        local[1 + len(free) + j, :, j // L, j % L] += DIFFERENCE
+        local[1 + len(free) + j, :, j // L, j % L] += difference
     response = respond(problem, shared, local)
     r = residuals(problem, response)
-    slopes = (r[1:] - r[0]) / DIFFERENCE
+    slopes = (r[1:] - r[0]) / difference
     step_of = np.nonzero(np.stack([g.used for g in problem.grids]))[0]
     own = np.zeros((len(step_of), T, L * X))
     own[np.arange(len(step_of)), step_of] = slopes[len(free) :].T

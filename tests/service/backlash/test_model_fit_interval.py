@@ -14,6 +14,7 @@ from service.backlash.model_fit_interval import (
     coloured,
     difference,
     disagreement,
+    gentler,
     structure_variance,
 )
 from service.recording import FloatArray
@@ -79,3 +80,10 @@ def test_directions_that_differ_more_than_their_scatter_widen_the_interval() -> 
 def test_one_direction_only_says_nothing_of_a_difference() -> None:
     assert disagreement(np.array([1e-5, 2e-5, 3e-5]), np.ones(3)) == 0.0
     assert difference(np.array([1e-5, 2e-5, np.nan]), np.array([1.0, 1.0, -1.0])).error == np.inf
+
+
+def test_a_jump_on_one_side_is_no_derivative() -> None:
+    smooth = np.array([[5.0, -300.0], [0.2, 1500.0]])
+    other = np.array([[5.2, -310.0], [0.1, 10_600.0]])
+    assert gentler(smooth, other) == pytest.approx(np.array([[5.1, -305.0], [0.15, 1500.0]]))
+    assert gentler(other, smooth) == pytest.approx(gentler(smooth, other))
