@@ -11,7 +11,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def shared_dir() -> Path:
     """The folder of shared captures beside the checkout; the test skips where it is absent."""
     path = (ROOT / ".." / "shared").resolve()

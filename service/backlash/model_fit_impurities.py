@@ -15,20 +15,11 @@ from typing import ClassVar
 import numpy as np
 
 from service.backlash.model_fit_problem import Problem
-from service.dynamics.driven_effect import Case, DrivenEffect, Room
+from service.dynamics.driven_effect import Case, DrivenEffect
 from service.dynamics.driven_motion import between
 from service.dynamics.driven_parameters import Parameter
-from service.dynamics.driven_propagation import Curve, LinearSystem
-from service.dynamics.effects.driven_transmission import grid_points
+from service.dynamics.effects.driven_transmission import DrivenBentContact, grid_points
 from service.recording import FloatArray
-
-TYPICAL_PUSH = 4.0
-"""Acceleration at which a bent contact is as stiff as its stiffness says [m/s²]: the middle of a diagnostic step's."""
-
-POINTS = 401
-
-REACH = 5.0
-"""How deep the flanks' curve is tabulated, in depths under TYPICAL_PUSH."""
 
 BEND = 0.1
 """Prior of n − 1: steel on steel in line contact, as tooth flanks bear, has n = 10/9."""
@@ -93,30 +84,11 @@ class MeshError(DrivenEffect):
 
 
 @dataclass(frozen=True)
-class BentContact(DrivenEffect):
-    """Flanks whose force grows with depth to the power n: k·δ·(δ/δ0)^(n − 1), δ0 the depth under TYPICAL_PUSH."""
+class BentContact(DrivenBentContact):
+    """Bent flanks under the prior of sound ones."""
 
     name: ClassVar[str] = "bent_contact"
     means: ClassVar[str] = "the flanks' force grows a little faster than their depth"
     own: ClassVar[tuple[Parameter, ...]] = (
         Parameter("bend", "1", 0.0, BEND, logarithmic=False, low=-0.5, high=1.5),
     )
-
-    @property
-    def curves(self) -> int:
-        return len(self.axes)
-
-    def assemble(self, system: LinearSystem, case: Case, room: Room) -> None:
-        """What the bent flank does more than the straight one, as a curve of the flanks' distance."""
-        for _, axis, x in self.each(case.model):
-            of = system.approach[:, x, 1].copy()
-            of[:, system.n + system.constant()] = 0.0
-            half, k = 0.5 * case.values[f"{axis}.backlash"], case.values[f"{axis}.contact_stiffness"]
-            typical = TYPICAL_PUSH / k
-            reach = half + REACH * typical
-            place = np.linspace(-1.0, 1.0, POINTS) * reach[:, None]
-            depth = np.maximum(np.abs(place) - half[:, None], 0.0)
-            grown = np.maximum(depth / typical[:, None], 1e-12) ** case.values[f"{axis}.bend"][:, None]
-            table = np.sign(place) * k[:, None] * depth * (grown - 1.0)
-            width = 2.0 * reach / (POINTS - 1)
-            system.curves.append(Curve(of, system.push[:, x, 1].copy(), -reach, width, table))

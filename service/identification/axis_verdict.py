@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
+
 import numpy as np
 
-from service.identification.axis_fit import Fit, errors, fit, jacobian, rms
-from service.identification.axis_problem import AxisProblem
-from service.identification.axis_search import judged, zeros_found
 from service.identification.explanation import (
     AxisExplanation,
     ErrorReport,
@@ -15,173 +15,253 @@ from service.identification.explanation import (
     Prediction,
     SeparatingMove,
 )
-from service.identification.selection import Selection, Trial
+from service.identification.held_out import Explained, Held, rms
+from service.identification.moves import Moves
+from service.identification.moves_fit import Fitted
+from service.identification.scene import Scene
+from service.identification.selection import Selection, left
 from service.recording import FloatArray
 
-CLEAN = 1.3
-EXPLAINED = 0.97
-"""Share of the excess variance that the named effects must explain, unless the rest is near the noise."""
-NEAR_NOISE = 2.0
-"""Held-out RMS over the noise up to which a named effect counts as the explanation (chosen)."""
-WIDENED = 3.0
-"""By how much the fit's own standard deviation is widened: it knows nothing of structure and of other valleys."""
+LEFT_BY_CLEAN = 1.25
+"""Held-out RMS over the noise up to which nothing is missing: impurities too small to matter for the backlash leave
+up to that (chosen)."""
+LEFT = 1.6
+"""Held-out RMS over the noise up to which the named effects count as the whole explanation (chosen)."""
+SMALL, MATTERS = 1.6, (1e-6, 0.02)
+"""What leaves no more than this RMS without it, and changes the backlash by less than so many metres or such a share,
+is an impurity too small to matter."""
+CROSSED = 0.6
+"""Share of a move at which its gap is crossed, about: after the top speed, at two thirds of the braking."""
+EXPLAINED = 0.95
+"""Or the share of the excess variance that they explain."""
+STRUCTURE = (0.11e-6, 1.2e-3)
+"""Standard deviation of what the structure is worth: floor [m] and share of the backlash, as in the estimator."""
 
 
-def verdict(
-    train: AxisProblem, held_out: AxisProblem, selection: Selection[Fit]
-) -> tuple[AxisExplanation, ...]:
-    """One verdict per axis of the problem."""
-    before, after = _states(train, held_out, selection.before), _states(train, held_out, selection.after)
+def verdict(scene: Scene, selection: Selection[Explained]) -> tuple[AxisExplanation, ...]:
+    """One verdict per axis of the scene."""
     finding, effects = _finding(selection)
-    if finding != "effect":
-        after = before
+    before = selection.before.model
+    after = selection.after.model if finding == "effect" else before
     return tuple(
         AxisExplanation(
             axis=name,
             channel="acceleration",
             finding=finding,
-            noise_rms=float(held_out.noise[a]),
+            noise_rms=float(scene.validate.noise[a]),
             before=_report(before, a),
             after=_report(after, a),
             effects=effects,
             indistinguishable=selection.rivals if effects else (),
-            separating_move=separating_move(selection, train) if effects and selection.rivals else None,
-            candidates=selection.candidates,
-            parameters=_parameters(after, a),
-            evidence=_evidence(before, selection, finding, a),
-            predictions=(_prediction("before", before, a), _prediction("after", after, a)),
+            separating_move=separating_move(selection, scene.validate)
+            if effects and selection.rivals
+            else None,
+            candidates=tuple(
+                replace(c, validation_rms=c.validation_rms * float(scene.validate.noise[a]))
+                for c in selection.candidates
+            ),
+            parameters=_parameters(after.fitted, a),
+            evidence=_evidence(before.held, selection, finding, a),
+            predictions=(_prediction("before", before.held, a), _prediction("after", after.held, a)),
         )
-        for a, name in enumerate(held_out.axes)
+        for a, name in enumerate(scene.validate.axes)
     )
 
 
-def _finding(selection: Selection[Fit]) -> tuple[Finding, tuple[str, ...]]:
+def _finding(selection: Selection[Explained]) -> tuple[Finding, tuple[str, ...]]:
     """``effect`` only when the named effects leave near nothing: a part of an unknown is not an explanation."""
     before, after = selection.before.validation_rms, selection.after.validation_rms
     if not selection.effects:
-        return ("none" if before <= CLEAN else "unknown"), ()
+        return ("none" if left(selection.before) <= LEFT_BY_CLEAN else "unknown"), ()
+    if _immaterial(selection):
+        return "none", ()
     excess = (after**2 - 1.0) / max(before**2 - 1.0, 1e-12)
-    if after <= NEAR_NOISE or excess <= 1.0 - EXPLAINED:
+    if left(selection.after) <= LEFT or excess <= 1.0 - EXPLAINED:
         return "effect", selection.effects
     return "unknown", ()
 
 
-class _States:
-    """A fitted model on train and on the held-out recording, with the covariance of its numbers."""
-
-    def __init__(self, train: AxisProblem, held_out: AxisProblem, found: Fit) -> None:
-        self.train, self.held_out = train, held_out
-        same = len(found.offsets) == len(train.moves)
-        self.fitted = found if same else fit(train, zeros_found(train, found.model), 2)
-        self.judged = judged(held_out, found, train, 0.5)
-        self.train_errors, self.errors = errors(train, self.fitted), errors(held_out, self.judged)
-        n = len(found.model.z)
-        r, J = jacobian(train, self.fitted, range(n))
-        J = np.nan_to_num(J)
-        spread = np.linalg.pinv(J.T @ J / max(1.0, rms(r) ** 2) + np.eye(J.shape[1]))
-        self.std_z = WIDENED * np.sqrt(np.maximum(np.diag(spread)[:n], 0.0))
-
-    def of_axis(self, problem: AxisProblem, values: FloatArray, axis: int) -> FloatArray:
-        """The part of a residual that belongs to one axis, in m/s²."""
-        edges = np.cumsum([0, *(len(s.time) for s in problem.samples)])
-        return np.asarray(values[edges[axis] : edges[axis + 1]] * problem.noise[axis])
+def _immaterial(selection: Selection[Explained]) -> bool:
+    """Whether what was found is an impurity that matters neither to the prediction nor to the backlash."""
+    before, after = selection.before.model.fitted, selection.after.model.fitted
+    floor, share = MATTERS
+    for axis in range(len(before.model.axes)):
+        was, now = backlash_of(before, axis)[0], backlash_of(after, axis)[0]
+        if abs(now - was) > max(floor, share * now):
+            return False
+    return left(selection.before) <= SMALL
 
 
-def _states(train: AxisProblem, held_out: AxisProblem, one: Trial[Fit]) -> _States:
-    with np.errstate(all="ignore"):
-        return _States(train, held_out, one.model)
-
-
-def _report(state: _States, axis: int) -> ErrorReport:
-    held = state.of_axis(state.held_out, state.errors, axis)
-    b, std = _value(state, "backlash", axis)
+def _report(one: Explained, axis: int) -> ErrorReport:
+    held, noise = one.held, float(one.held.moves.noise[axis])
+    errors = held.errors[:, axis] * noise
+    lagged = errors[:, :-1] * errors[:, 1:]
+    train = _train_errors(one.fitted, axis)
+    b, std = backlash_of(one.fitted, axis)
     return ErrorReport(
-        train_rms=rms(state.of_axis(state.train, state.train_errors, axis)),
-        validation_rms=rms(held),
-        normalised_rms=rms(held) / max(rms(state.held_out.samples[axis].value), 1e-300),
-        whiteness=float(np.corrcoef(held[:-1], held[1:])[0, 1]),
+        train_rms=rms(train) * noise,
+        validation_rms=rms(errors),
+        normalised_rms=rms(errors)
+        / max(rms(np.where(held.moves.used, held.moves.measured, np.nan)[:, axis]), 1e-300),
+        whiteness=float(np.nanmean(lagged) / max(float(np.nanmean(errors**2)), 1e-300)),
         backlash=b,
         interval_95=(max(0.0, b - 1.96 * std), b + 1.96 * std),
     )
 
 
-def _value(state: _States, name: str, axis: int) -> tuple[float, float]:
-    """One number of the fitted model with its standard deviation."""
-    model = state.fitted.model
-    index = next(k for k in model.index(name) if model.coordinates[k].axis in (axis, None))
-    c, z = model.coordinates[index], model.z[index]
-    value = float(c.value(np.array([z]))[0])
-    slope = value * c.spread if c.logarithmic else c.spread
-    return value, abs(float(slope * state.std_z[index]))
+def _train_errors(found: Fitted, axis: int) -> FloatArray:
+    """Residuals over the noise of one axis in all train recordings."""
+    first, out = 0, []
+    for part in found.moves:
+        count = int(np.sum(part.used))
+        of_axis = np.nonzero(part.used)[1] == axis
+        over_noise = found.r[first : first + count] * part.expected[part.used]
+        out.append(over_noise[of_axis])
+        first += count
+    return np.concatenate(out)
 
 
-def _parameters(state: _States, axis: int) -> dict[str, Parameter]:
+def covariance(found: Fitted) -> FloatArray:
+    """(P, P) of the shared coordinates, robust against coloured residuals: moves are taken as the independent
+    blocks (the sandwich of Huber and White), but never less than by white noise."""
+    P = len(found.model.parameters)
+    H = np.linalg.inv(found.J.T @ found.J + np.eye(found.J.shape[1]))
+    scores, first = [], 0
+    for part in found.moves:
+        move_of = np.nonzero(part.used)[0]
+        rows = slice(first, first + len(move_of))
+        weighted = found.J[rows] * found.r[rows, None]
+        scores += [weighted[move_of == t].sum(axis=0) for t in range(len(part.grids))]
+        first += len(move_of)
+    meat = np.stack(scores).T @ np.stack(scores) * len(scores) / max(1, len(scores) - 1)
+    sandwich, plain = (H @ meat @ H)[:P, :P], H[:P, :P] * max(1.0, found.rms**2)
+    size = np.sqrt(np.maximum(np.diag(plain), np.diag(sandwich)) / np.maximum(np.diag(plain), 1e-300))
+    return np.asarray(plain * np.outer(size, size))
+
+
+def _deviations(found: Fitted) -> Mapping[str, tuple[float, float]]:
+    """Value and standard deviation of every parameter in its unit."""
+    spread = np.sqrt(np.diag(covariance(found)))
+    names = [p.name for p in found.model.parameters]
+    return {n: (found.value(n), abs(slope_of(found, k)) * float(spread[k])) for k, n in enumerate(names)}
+
+
+def backlash_of(found: Fitted, axis: int) -> tuple[float, float]:
+    """Backlash of an axis where its moves crossed the gap, and its standard deviation [m]."""
+    name = found.model.axes[axis]
+    names = [p.name for p in found.model.parameters]
+    k, gradient = names.index(f"{name}.backlash"), np.zeros(len(names))
+    b, gradient[k] = found.value(names[k]), slope_of(found, k)
+    if f"{name}.gap_slope" in names:  # the gap is then that of the place where the recording began
+        k, place = names.index(f"{name}.gap_slope"), crossing(found, axis)
+        b, gradient[k] = b + found.value(names[k]) * place, slope_of(found, k) * place
+    floor, share = STRUCTURE
+    variance = float(gradient @ covariance(found) @ gradient)
+    return b, float(np.hypot(np.sqrt(variance), max(1.0, found.rms) * np.hypot(floor, share * b)))
+
+
+def crossing(found: Fitted, axis: int) -> float:
+    """Where the gap is crossed [m] from where the recording began, on average: at CROSSED of a move's duration."""
+    places = []
+    for part in found.moves:
+        for grid in part.grids:
+            move = part.recording.moves[grid.index]
+            places.append(float(part.plain[axis](move.start + CROSSED * move.duration)))
+    return float(np.mean(places))
+
+
+def slope_of(found: Fitted, k: int) -> float:
+    """Derivative of a parameter with respect to its coordinate."""
+    p, u = found.model.parameters[k], found.at.shared[k]
+    return float((p.value(u + 1e-4) - p.value(u - 1e-4)) / 2e-4)
+
+
+def _parameters(found: Fitted, axis: int) -> dict[str, Parameter]:
     """Effects' own parameters first, then the declared model's; forces and stiffnesses per moved mass."""
-    model = state.fitted.model
-    own = [c for c in model.coordinates if c.axis in (axis, None)]
-    declared = 9
-    found = {}
-    for c in [*own[declared:], *own[:declared]]:
-        name = c.name + ("_s" if c.unit == "s" else "")
-        found[name] = Parameter(*_value(state, c.name, axis), c.unit)
-    return found
+    values, units = _deviations(found), {p.name: p.unit for p in found.model.parameters}
+    own = [p.name for effect in found.model.effects[1:] for p in effect.parameters]
+    other = [name for name in values if name not in own]
+    out = {}
+    for name in (*own, *other):
+        of, _, short = name.rpartition(".")
+        if of in ("", found.model.axes[axis]):
+            unit = units[name]
+            out[short + ("_s" if unit == "s" else "")] = Parameter(*values[name], unit)
+    return out
 
 
-def _prediction(which: str, state: _States, axis: int) -> Prediction:
-    samples = state.held_out.samples[axis]
-    value = samples.value - state.of_axis(state.held_out, state.errors, axis)
-    return Prediction("before" if which == "before" else "after", samples.time, value)
+def _prediction(which: str, held: Held, axis: int) -> Prediction:
+    """At the capture's own time stamps: every sample of a move lies in one interval of the grid."""
+    moves, times, values = held.moves, [], []
+    trace = moves.recording.traces[moves.axes[axis], "acceleration"]
+    for t, grid in enumerate(moves.grids):
+        move = moves.recording.moves[grid.index]
+        part = trace.between(move.start, move.end)
+        at = np.clip(np.floor((part.time - grid.start) / grid.h).astype(int), 0, moves.samples - 1)
+        times.append(part.time)
+        values.append(held.predicted[t, axis, at] + moves.bias[t, axis])
+    return Prediction(
+        "before" if which == "before" else "after", np.concatenate(times), np.concatenate(values)
+    )
 
 
-def _evidence(before: _States, selection: Selection[Fit], finding: Finding, axis: int) -> tuple[str, ...]:
-    held = before.of_axis(before.held_out, before.errors, axis)
-    samples = before.held_out.samples[axis]
-    moves = before.held_out.moves
-    direction = np.array([m.direction for m in moves])[samples.window]
-    share = (samples.time - np.array([m.start for m in moves])[samples.window]) / np.array(
-        [m.duration for m in moves]
-    )[samples.window]
-    worst = int(np.argmax([rms(held[(share >= k / 5) & (share < (k + 1) / 5)]) for k in range(5)]))
+def _shares(moves: Moves) -> FloatArray:
+    """(T, K) how far each sample's move has gone."""
+    out = []
+    for grid in moves.grids:
+        move = moves.recording.moves[grid.index]
+        out.append((grid.time[:-1] + 0.5 * grid.h - move.start) / move.duration)
+    return np.stack(out)
+
+
+def _evidence(held: Held, selection: Selection[Explained], finding: Finding, axis: int) -> tuple[str, ...]:
+    noise = held.moves.noise[axis]
+    errors, share = held.errors[:, axis] * noise, _shares(held.moves)
+    parts = [rms(errors[(share >= k / 5) & (share < (k + 1) / 5)]) for k in range(5)]
+    worst = int(np.argmax(parts))
     lines = [
-        f"residual of the declared model: {rms(held):.4g} m/s² against a noise of {before.held_out.noise[axis]:.4g}",
-        f"largest between {20 * worst} and {20 * worst + 20} % of the move",
-        *(f"{word} moves: {rms(held[direction == d]):.4g} m/s²" for word, d in (("positive", 1), ("negative", -1))
-          if (direction == d).any()),
-        "where the pinion stands in its gap is found again in the first half of every held-out move",
-    ]  # fmt: skip
+        f"residual of the declared model: {rms(errors):.4g} m/s² against a noise of {noise:.4g}",
+        f"largest between {20 * worst} and {20 * worst + 20} % of the move ({parts[worst]:.4g} m/s²)",
+    ]
+    for word, d in (("positive", 1.0), ("negative", -1.0)):
+        if np.any(held.moves.s == d):
+            of = errors[held.moves.s == d]
+            lines.append(f"{word} moves: {rms(of):.4g} m/s², mean {float(np.nanmean(of)):.3g}")
+    lines.append(f"strongest frequency in the residual: {_frequency(errors, held.moves.h):.0f} Hz")
+    if len(held.moves.axes) == 2:
+        other = held.errors[:, 1 - axis] * held.moves.noise[1 - axis]
+        both = np.isfinite(errors) & np.isfinite(other)
+        tie = float(np.corrcoef(errors[both], other[both])[0, 1])
+        lines.append(f"correlation with the partner's residual: {tie:.2f}")
+    lines.append(
+        "where the pinion stands in its gap is found again in the first 45 % of every held-out move, the sensor's "
+        "zero at rest"
+    )
     if finding == "unknown" and selection.effects:
         lines.append(f"{', '.join(selection.effects)} explain a part, but not enough to be named")
     return tuple(lines)
 
 
-def separating_move(selection: Selection[Fit], problem: AxisProblem) -> SeparatingMove:
+def _frequency(errors: FloatArray, h: float) -> float:
+    """Frequency [Hz] of the strongest line in the residuals of all moves (T, K)."""
+    clean = np.nan_to_num(errors)
+    power = np.sum(np.abs(np.fft.rfft(clean * np.hanning(clean.shape[1]), 4096, axis=1)) ** 2, axis=0)
+    return float(np.fft.rfftfreq(4096, h)[1:][np.argmax(power[1:])])
+
+
+def separating_move(selection: Selection[Explained], moves: Moves) -> SeparatingMove:
     """The move that would tell the first pair of rivals apart, from the move that was made.
 
     What depends on speed or on time shows in another jerk, what depends on direction in two moves the same way,
     what depends on position in a longer travel.
     """
-    move, pair = problem.moves[0], set(selection.rivals[0])
+    move, pair = moves.recording.moves[0], set(selection.rivals[0])
     text = f"{' and '.join(selection.rivals[0])} explain these moves alike; "
     if pair & {"position_dependent_force", "position_dependent_backlash", "transmission_ripple"}:
-        return SeparatingMove(
-            4 * move.length,
-            move.jerk,
-            1,
-            "along the whole travel",
-            text + "only one changes along the travel",
-        )
+        why = text + "only one changes along the travel"
+        return SeparatingMove(4 * move.length, move.jerk, 1, "along the whole travel", why)
     if pair <= {"constant_force", "asymmetric_friction"}:
-        return SeparatingMove(
-            move.length,
-            move.jerk / 4,
-            -1,
-            "as before",
-            text + "a slow reversal keeps a force and turns friction over",
-        )
-    return SeparatingMove(
-        2 * move.length,
-        move.jerk / 4,
-        1,
-        "as before",
-        text + "a slower, longer move changes speed against acceleration",
-    )
+        why = text + "a slow reversal keeps a force and turns friction over"
+        return SeparatingMove(move.length, move.jerk / 4, -1, "as before", why)
+    why = text + "a slower, longer move changes speed against acceleration"
+    return SeparatingMove(2 * move.length, move.jerk / 4, 1, "as before", why)

@@ -57,6 +57,12 @@ class Selection(Generic[ModelT]):
     rivals: tuple[tuple[str, str], ...]
 
 
+def left(trial: Trial[ModelT]) -> float:
+    """What a model leaves unexplained: an effect that it lacks shows in the moves that were fitted and in those that
+    were not. In these alone it may be numbers that are not known well enough, in the others a fit that did not end."""
+    return min(trial.train_rms, trial.validation_rms)
+
+
 def gain_p_value(before: Trial[ModelT], after: Trial[ModelT]) -> float:
     """Probability of such a gain by chance over the held-out blocks, one-sided.
 
@@ -97,7 +103,7 @@ def select(
     ``refine`` refits the one that was taken together with those before it; ``challenge(present, best)`` gives
     the present model another chance from where the best candidate ended, so that no effect is named for having
     led the fit out of a poor valley. ``material`` is the share of the held-out RMS that an effect must remove,
-    ``enough`` the held-out RMS at which nothing is left to explain; ``further`` the same two for every effect
+    ``enough`` the RMS of ``left`` at which nothing is left to explain; ``further`` the same two for every effect
     after the first, where what is left may be the fit's own imperfection.
     """
     present: Trial[ModelT] = before
@@ -105,10 +111,12 @@ def select(
     first = before
     log: list[Candidate] = []
     rivals: list[tuple[str, str]] = []
-    while len(taken) < MAX_EFFECTS and present.validation_rms > enough:
+    while len(taken) < MAX_EFFECTS and left(present) > enough:
         trials = propose(present, taken)
         present = challenge(present, min(trials.values(), key=lambda trial: trial.validation_rms))
         first = first if taken else present
+        if left(present) <= enough:
+            break
         judged = {n: _judge(n, present, trial, len(trials), material) for n, trial in trials.items()}
         passed = [name for name, candidate in judged.items() if candidate.accepted]
         if not passed:

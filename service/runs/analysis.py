@@ -28,7 +28,7 @@ from service.captures import CaptureError, read_capture
 from service.identification.explain import explain
 from service.identification.explanation import CannotExplain, Explanation
 from service.recording import Recording
-from service.runs.revised import Effects, Explainer, Reviser, by_explaining
+from service.runs.revised import Effects, Explainer, Reviser, by_refitting
 
 Results = tuple[AxisResult, ...]
 Tell = Callable[[str], None]
@@ -72,7 +72,7 @@ class Analysis(AbstractContextManager["Analysis"]):
     ``explainer`` and ``reviser`` are called in a spawned process and must be importable by name.
     """
 
-    def __init__(self, explainer: Explainer = explain, reviser: Reviser = by_explaining) -> None:
+    def __init__(self, explainer: Explainer = explain, reviser: Reviser = by_refitting) -> None:
         self._explainer, self._reviser = explainer, reviser
         self._pool: ProcessPoolExecutor | None = None
         self._stop = threading.Event()

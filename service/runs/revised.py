@@ -1,6 +1,7 @@
 """The value of a run with a revised model: the declared one and the effects that were accepted for an axis.
 
-``Reviser`` is the narrow door to the numerics. ``by_explaining`` stands behind it: it explains the run beside a
+``Reviser`` is the narrow door to the numerics. Behind it stand ``by_refitting``, which the service uses: it fits the
+model with the effects to the run; and ``by_explaining``, for an explainer of one's own: it explains the run beside a
 neighbour and takes the value of the model with the effects, but only when they are found in the run again.
 """
 
@@ -12,6 +13,7 @@ from typing import Protocol
 from service.backlash.results import AxisResult, Reason
 from service.identification.explain import explain
 from service.identification.explanation import AxisExplanation, CannotExplain, ErrorReport, Explanation
+from service.identification.revise import revised_values
 from service.recording import Recording
 
 Effects = Mapping[str, tuple[str, ...]]
@@ -36,6 +38,31 @@ class Reviser(Protocol):
         recording : the run
         others : neighbouring runs of the same axes, which may judge a fit but never lend it values
         """
+
+
+def by_refitting(
+    recording: Recording, effects: Effects, others: Sequence[Recording]
+) -> tuple[AxisResult, ...]:
+    """Fit the run with the effects in the model; refuse a value where they leave more than the noise."""
+    out = []
+    for axis, names in effects.items():
+        try:
+            value = revised_values(recording, _moving_with(recording, axis, names), names)[axis]
+        except CannotExplain as error:
+            out.append(_refused(axis, str(error)))
+            continue
+        if value.explained:
+            out.append(AxisResult(axis, "ok", METHOD, None, None, value.backlash, value.interval_95))
+        else:
+            out.append(_refused(axis, f"it leaves {value.misfit:.1f} times the residual of a right model"))
+    return tuple(out)
+
+
+def _moving_with(recording: Recording, axis: str, effects: Sequence[str]) -> tuple[str, ...]:
+    """The axis and those that are fitted with it, in the recording's order."""
+    if "gantry_coupling" in effects:
+        return tuple(a.name for a in recording.axes)
+    return next((pair for pair in recording.gantry if axis in pair), (axis,))
 
 
 def by_explaining(

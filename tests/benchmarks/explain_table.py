@@ -16,7 +16,7 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 from service.captures import read_capture
-from service.identification.axis_effects import axis_effects, gantry_coupling
+from service.dynamics.effects.driven_library import DRIVEN
 from service.identification.explain import explain
 from service.identification.explanation import CannotExplain
 
@@ -85,7 +85,7 @@ def main() -> None:
         for row in pool.map(answer, files):
             show(row)
             rows.append(row)
-    library = {effect.name for effect in (*axis_effects(), gantry_coupling())}
+    library = set(DRIVEN)
     table: dict[object, list[dict[str, object]]] = defaultdict(list)
     for row in rows:
         table[row["planted"]].append(row)

@@ -27,8 +27,8 @@ def swing(prefix: str, largest: float) -> tuple[Parameter, ...]:
 def at_rest(prefix: str) -> tuple[Parameter, ...]:
     """What still swings at the first grid point of a step: found again in each."""
     return (
-        Parameter(f"{prefix}_displacement", "m", 0.0, 1e-5, logarithmic=False, found_again=True),
-        Parameter(f"{prefix}_speed", "m/s", 0.0, 1e-3, logarithmic=False, found_again=True),
+        Parameter(f"{prefix}_displacement", "m", 0.0, 1e-4, logarithmic=False, found_again=True),
+        Parameter(f"{prefix}_speed", "m/s", 0.0, 1e-2, logarithmic=False, found_again=True),
     )
 
 

@@ -15,8 +15,8 @@ from service.dynamics.effects.driven_guide import (
 )
 from service.dynamics.effects.driven_sensors import DrivenBias, DrivenGain, DrivenLatency, DrivenSpeedFilter
 from service.dynamics.effects.driven_transmission import (
+    DrivenBentContact,
     DrivenClearance,
-    DrivenHardening,
     DrivenLocalBacklash,
     DrivenRipple,
 )
@@ -35,7 +35,7 @@ DRIVEN: Mapping[str, type[DrivenEffect]] = {
         DrivenCurvedFriction,
         DrivenClearance,
         DrivenLocalBacklash,
-        DrivenHardening,
+        DrivenBentContact,
         DrivenRipple,
         DrivenHungMass,
         DrivenMachineBody,

@@ -12,8 +12,15 @@ from service.dynamics.driven_effect import Case, DrivenEffect, Room
 from service.dynamics.driven_model import join, spring_damper
 from service.dynamics.driven_motion import between
 from service.dynamics.driven_parameters import LINKS, Parameter
-from service.dynamics.driven_propagation import LinearSystem
+from service.dynamics.driven_propagation import Curve, LinearSystem
 from service.recording import FloatArray
+
+TYPICAL_PUSH = 4.0
+"""Acceleration at which a bent contact is as stiff as its stiffness says [m/s²]: the middle of a diagnostic step's."""
+
+POINTS = 401
+REACH = 5.0
+"""How deep the flanks' curve is tabulated, in depths under TYPICAL_PUSH."""
 
 
 @dataclass(frozen=True)
@@ -67,31 +74,34 @@ class DrivenLocalBacklash(DrivenEffect):
 
 
 @dataclass(frozen=True)
-class DrivenHardening(DrivenEffect):
-    """Flanks that bear on more of the tooth from a depth on: the stiffness grows by the share `hardening` there."""
+class DrivenBentContact(DrivenEffect):
+    """Flanks whose force grows with depth to the power n = 1 + bend (Hertz: 3/2 for a point, 10/9 for a line):
+    k·δ·(δ/δ0)^bend, δ0 being the depth under TYPICAL_PUSH, where it is as large as the straight flank's."""
 
     name: ClassVar[str] = "contact_nonlinearity"
     means: ClassVar[str] = "the tooth contact stiffens with load"
     own: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("hardening", "1", 0.0, 1.0, logarithmic=False, low=-0.8, high=20.0, dose=0.1),
-        Parameter("hardening_depth", "m", 5e-6, 1.0, low=1e-7, high=3e-4),
-    )
-    shapes: ClassVar[tuple[Mapping[str, float], ...]] = tuple(
-        {"hardening_depth": depth} for depth in (1e-6, 3e-6, 1e-5)
+        Parameter("bend", "1", 0.0, 0.5, logarithmic=False, low=-0.5, high=1.5, dose=0.05),
     )
 
     @property
-    def gaps(self) -> int:
+    def curves(self) -> int:
         return len(self.axes)
 
     def assemble(self, system: LinearSystem, case: Case, room: Room) -> None:
-        for k, axis, x in self.each(case.model):
-            gap = room.gap + k
-            system.k[:, gap] = case.values[f"{axis}.hardening"] * system.k[:, x]
-            system.approach[:, gap] = system.approach[:, x]
-            system.push[:, gap] = system.push[:, x]
-            deeper = case.values[f"{axis}.hardening_depth"]
-            system.approach[:, gap, :, system.n + system.constant()] -= deeper[:, None]
+        """What the bent flank does more than the straight one, as a curve of the flanks' distance."""
+        for _, axis, x in self.each(case.model):
+            of = system.approach[:, x, 1].copy()
+            of[:, system.n + system.constant()] = 0.0
+            half, k = 0.5 * case.values[f"{axis}.backlash"], case.values[f"{axis}.contact_stiffness"]
+            typical = TYPICAL_PUSH / k
+            reach = half + REACH * typical
+            place = np.linspace(-1.0, 1.0, POINTS) * reach[:, None]
+            depth = np.maximum(np.abs(place) - half[:, None], 0.0)
+            grown = np.maximum(depth / typical[:, None], 1e-12) ** case.values[f"{axis}.bend"][:, None]
+            table = np.sign(place) * k[:, None] * depth * (grown - 1.0)
+            width = 2.0 * reach / (POINTS - 1)
+            system.curves.append(Curve(of, system.push[:, x, 1].copy(), -reach, width, table))
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from service.backlash.model_fit_impurities import TYPICAL_PUSH, BentContact, MeshError
+from service.backlash.model_fit_impurities import BentContact, MeshError
 from service.dynamics.driven import simulate
 from service.dynamics.driven_model import Model
+from service.dynamics.effects.driven_transmission import TYPICAL_PUSH
 from service.recording import FloatArray
 
 H = 2.5e-4

@@ -41,3 +41,17 @@ def test_a_clean_machine_yields_nothing(shared_dir: Path) -> None:
         measured[t] - v for t, v in zip(axis.predictions[1].time, axis.predictions[1].value, strict=True)
     ]
     assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(axis.after.validation_rms)
+
+
+def test_a_late_sensor_is_named_alone_and_the_value_set_right(shared_dir: Path) -> None:
+    folder = shared_dir / "captures"
+    train, validate = (read_capture(folder / f"sensor_latency-{p}.parquet") for p in ("train", "validate"))
+    truth = json.loads((folder / "sensor_latency-truth.json").read_text())
+    axis = explain([train], validate).axes[0]
+    assert (axis.finding, axis.effects) == ("effect", ("sensor_latency",))
+    assert axis.after.validation_rms <= 0.1 * axis.before.validation_rms
+    assert axis.parameters["latency_s"].value == pytest.approx(truth["sensors"]["latency_a"], abs=2e-5)
+    before, after, b = axis.before.backlash, axis.after.backlash, truth["backlash_m"]["X1"]
+    assert before is not None
+    assert after is not None
+    assert abs(after - b) < 1e-6 < abs(before - b)

@@ -42,7 +42,7 @@ PLANTED = {
     "curved_friction": {"X1.curved_level": 0.5, "X1.curved_power": 2.0},
     "gearbox_clearance": {"X1.clearance": 3e-5},
     "position_dependent_backlash": {"X1.gap_slope": 0.008},
-    "contact_nonlinearity": {"X1.hardening": 1.5, "X1.hardening_depth": 4e-6},
+    "contact_nonlinearity": {"X1.bend": 0.4},
     "transmission_ripple": {"X1.ripple_amplitude": 4e-6, "X1.ripple_phase": 1.0, "X1.ripple_period": 3e-3},
     "hung_mass_mode": {"X1.hung_ratio": 0.2, "X1.hung_frequency": 30.0, "X1.hung_damping": 0.03},
     "machine_body_mode": {"body_ratio": 0.2, "body_frequency": 15.0, "body_damping": 0.03},
@@ -95,8 +95,8 @@ class Plain:
         k, half = self.v["contact_stiffness"], 0.5 * (self.v["backlash"] + self.get("gap_slope") * x)
         rate = r - float(np.sign(s)) * 0.5 * self.get("gap_slope") * v
         force = one_sided(s, rate, half, k, 2 * self.v["contact_damping_ratio"] * np.sqrt(k))
-        deeper = abs(s) - half - self.get("hardening_depth")
-        return force + self.get("hardening") * k * max(deeper, 0.0) * float(np.sign(s))
+        depth = max(abs(s) - half, 0.0)
+        return force + k * depth * ((k * depth / 4.0) ** self.get("bend") - 1.0) * float(np.sign(s))
 
     def rates(self, t: float, z: FloatArray) -> list[float]:
         xp, vp, x, v, xh, vh, xb, vb = z

@@ -1,0 +1,115 @@
+"""A fitted model on moves that were not fitted: only where the pinion rests in its gap, and what an effect says has its
+zero found again, is found there, in the first part of each move."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from service.dynamics.driven_model import Model
+from service.identification.moves import Moves, early_part, predict
+from service.identification.moves_fit import (
+    Fitted,
+    Free,
+    Point,
+    as_alike_moves,
+    best_of_each,
+    fit,
+    found_again,
+    reconstructed,
+    resting,
+    rests_found,
+)
+from service.identification.scene import Scene
+from service.identification.selection import Trial, independent_samples
+from service.recording import FloatArray
+
+EARLY = 0.45
+"""Share of a held-out move in which its zeros are found again; the backlash pass comes after it."""
+PARTS = 5
+"""Blocks into which a held-out move is cut for the test of a gain."""
+
+
+@dataclass(frozen=True)
+class Held:
+    """A model on the held-out moves: their (reconstructed) motion, zeros found again, prediction (T, X, K)."""
+
+    moves: Moves
+    local: FloatArray
+    predicted: FloatArray
+
+    @property
+    def errors(self) -> FloatArray:
+        """(T, X, K) over the noise, NaN where there is no sample."""
+        difference = (self.moves.measured - self.predicted) / self.moves.noise[:, None]
+        return np.where(self.moves.used, difference, np.nan)
+
+    @property
+    def weighed(self) -> FloatArray:
+        """(T, X, K) over the standard deviation that is expected."""
+        return np.asarray(self.errors / self.moves.expected)
+
+
+@dataclass(frozen=True)
+class Explained:
+    """A fitted model and what it says of the held-out moves."""
+
+    fitted: Fitted
+    held: Held
+
+
+def rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.nanmean(values**2)))
+
+
+def held_out(validate: Moves, found: Fitted, thorough: bool = True) -> Held:
+    """The held-out moves by the fitted model.
+
+    The motor's motion between its samples comes from the simulated force (where `thorough`, else it is a spline),
+    never from the measured acceleration.
+    """
+    moves, model, free = validate, found.model, found_again(found.model)
+    at = Point(found.at.shared, resting([moves], model))
+    for _ in range(2 if thorough else 1):
+        early = [early_part(moves, EARLY)]
+        at = (
+            zeros_found(early, model, at, free)
+            if thorough
+            else fit(early, model, rests_found(early, model, at), 8, free=free).at
+        )
+        if thorough:
+            (moves,) = reconstructed(replace(found, moves=(moves,), at=at), follow=False)
+    if thorough:
+        at = fit([early_part(moves, EARLY)], model, at, 8, free=free).at
+    predicted = predict(moves, model, at.shared[None], at.local[0][None]).acceleration[0]
+    return Held(moves, at.local[0], np.nan_to_num(predicted, nan=1e6))
+
+
+def zeros_found(moves: Sequence[Moves], model: Model, at: Point, free: Free) -> Point:
+    """Every move's zeros from the best of several starts, `free` shared coordinates with them."""
+
+    def fits(starts: Sequence[Point]) -> list[Fitted]:
+        return [fit(moves, model, one, 12, free=free, tolerance=0.05) for one in starts]
+
+    first = fits((at, rests_found(moves, model, at)))
+    best = min(first, key=lambda f: f.rms)
+    again = fits((rests_found(moves, model, best.at), as_alike_moves(best)))
+    return best_of_each(sorted(first + again, key=lambda f: f.rms))
+
+
+def trial_of(scene: Scene, found: Fitted, thorough: bool = True) -> Trial[Explained]:
+    """A fit with its errors on the held-out moves, over what is expected of them, in blocks of a fifth of a move."""
+    held = held_out(scene.validate, found, thorough)
+    errors = held.weighed
+    blocks = [float(np.nansum(part**2)) for move in errors for part in np.array_split(move, PARTS, axis=-1)]
+    flat = errors[np.isfinite(errors)]
+    return Trial(
+        Explained(found, held),
+        found.rms,
+        rms(errors),
+        np.array(blocks),
+        np.zeros(0),
+        independent_samples(flat),
+    )

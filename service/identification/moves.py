@@ -1,0 +1,258 @@
+"""The moves of recordings as a problem of output error over whole moves, from rest to rest.
+
+The forward model (``service.dynamics.driven``) is driven by the measured motion of the motor; compared are all
+samples of the accelerometer during the moves. Shared between all recordings are the model's parameters; found anew
+in every move is where the pinion rests in its gap, and what an effect says has its zero found again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.interpolate import PPoly
+
+from service.backlash.model_fit_data import KEPT, acceleration_of, bias_at_rest, reconstructed
+from service.dynamics.driven import simulate
+from service.dynamics.driven_model import Model, Values
+from service.dynamics.driven_motion import (
+    StepGrid,
+    between,
+    coefficients,
+    on_grid,
+    plain_motion,
+    sample_period,
+)
+from service.dynamics.driven_reconstruction import Balance, Load, echo, window
+from service.recording import FloatArray, Recording, Trace
+
+LEAD = 0.002
+"""Time simulated before a move begins [s]: the axis is at rest there."""
+REST_SPREAD = np.array([6e-5, 5e-4])
+"""Prior of the load's position [m] and speed [m/s] at the start of a move, against the driving flank: anywhere in a
+gap of some 10 to 200 µm, and nearly at rest."""
+
+
+@dataclass(frozen=True)
+class Moves:
+    """All moves of one recording.
+
+    Attributes
+    ----------
+    noise : (X,) standard deviation of one accelerometer sample [m/s²]
+    grids : one per move, all of K intervals
+    plain : (X,) motor position at the output over the whole recording
+    motion : (T, X) motor position around each move
+    echoes, reference : (T, X) how it follows a change of the force on the motor, and the force (T, X, K + 1) from
+        which it was reconstructed; none where it does not follow
+    bias : (T, X) what the sensor said at rest around each move [m/s²], taken off
+    expected : (T, X, K) standard deviation over the noise that a right model's residual is expected to have
+    """
+
+    recording: Recording
+    axes: tuple[str, ...]
+    noise: FloatArray
+    grids: tuple[StepGrid, ...]
+    plain: tuple[PPoly, ...]
+    motion: tuple[tuple[PPoly, ...], ...]
+    bias: FloatArray
+    expected: FloatArray
+    echoes: tuple[tuple[FloatArray, ...], ...] = ()
+    reference: FloatArray | None = None
+
+    @property
+    def h(self) -> float:
+        return self.grids[0].h
+
+    @property
+    def samples(self) -> int:
+        return int(self.grids[0].measured.shape[1])
+
+    @property
+    def s(self) -> FloatArray:
+        return np.array([float(grid.s) for grid in self.grids])
+
+    @property
+    def start(self) -> FloatArray:
+        return np.array([grid.start for grid in self.grids])
+
+    @property
+    def used(self) -> FloatArray:
+        """(T, X, K) bool: which samples are compared."""
+        return np.stack([grid.used for grid in self.grids])
+
+    @property
+    def measured(self) -> FloatArray:
+        """(T, X, K), NaN where a sample was lost."""
+        return np.stack([grid.measured for grid in self.grids])
+
+
+def noise_at_rest(trace: Trace, recording: Recording) -> float:
+    """Standard deviation of one sample at rest, in the trace's unit, from fourth differences, in which a swing of the
+    machine does not count; the median over the rests, so that one disturbed rest does not."""
+    spreads = []
+    for move in recording.moves:
+        part = trace.between(move.start - 0.15, move.start - 0.002).value
+        if len(part) > 30:
+            spreads.append(float(np.sqrt(np.mean(np.diff(part, n=4) ** 2) / 70.0)))
+    return float(np.median(spreads))
+
+
+def moves_of(recording: Recording, axes: Sequence[str]) -> Moves:
+    """The grids, the noise and the plain motor motion of all moves of a recording."""
+    traces = [acceleration_of(recording, axis) for axis in axes]
+    h = sample_period(traces[0])
+    bias = np.array([bias_at_rest(trace, recording.moves) for trace in traces])
+    plain = tuple(
+        plain_motion(recording.traces[a, "motor_speed"], recording.axis(a).transmission) for a in axes
+    )
+    K = int(np.ceil((max(m.duration for m in recording.moves) + LEAD) / h)) + 1
+    zero = float(traces[0].time[0])
+    grids = []
+    for index, move in enumerate(recording.moves):
+        start = zero + (np.floor((move.start - LEAD - zero) / h) - 0.5) * h
+        measured = np.stack([on_grid(trace, start, h, K) for trace in traces]) - bias[:, None]
+        during = [on_grid(trace.between(move.start, move.end), start, h, K) for trace in traces]
+        grids.append(StepGrid(index, move.direction, start, h, measured, np.isfinite(np.stack(during))))
+    noise = np.array([noise_at_rest(trace, recording) for trace in traces])
+    motion = tuple(plain for _ in grids)
+    expected = np.ones((len(grids), len(axes), K))
+    rest = np.tile(bias, (len(grids), 1))
+    return Moves(recording, tuple(axes), noise, tuple(grids), plain, motion, rest, expected)
+
+
+def early_part(moves: Moves, share: float) -> Moves:
+    """The same moves cut off after the first `share` of each."""
+    ends = [
+        moves.recording.moves[g.index].start + share * moves.recording.moves[g.index].duration
+        for g in moves.grids
+    ]
+    K = max(int(np.sum(grid.time[1:] <= end)) for grid, end in zip(moves.grids, ends, strict=True))
+    grids = tuple(
+        replace(grid, measured=grid.measured[:, :K], used=(grid.used & (grid.time[1:] <= end))[:, :K])
+        for grid, end in zip(moves.grids, ends, strict=True)
+    )
+    return replace(moves, grids=grids, expected=moves.expected[..., :K], echoes=(), reference=None)
+
+
+def some_of(moves: Moves, count: int) -> Moves:
+    """The first few moves after the first one, in which the pinion may rest anywhere."""
+    kept = slice(1, 1 + count) if len(moves.grids) > count else slice(None)
+    return replace(
+        moves,
+        grids=moves.grids[kept],
+        motion=moves.motion[kept],
+        bias=moves.bias[kept],
+        expected=moves.expected[kept],
+        echoes=moves.echoes[kept],
+        reference=None if moves.reference is None else moves.reference[kept],
+    )
+
+
+def motor_coefficients(moves: Moves, skews: FloatArray) -> FloatArray:
+    """Motor motion of every set, move and axis on the grid: skews (S, X) [s] -> (S, T, K, X, 5)."""
+    S, X = skews.shape
+    out = np.empty((S, len(moves.grids), moves.samples, X, 5))
+    for x in range(X):
+        levels, of = np.unique(skews[:, x], return_inverse=True)
+        for t, grid in enumerate(moves.grids):
+            for u, skew in enumerate(levels):
+                out[of == u, t, :, x] = coefficients(
+                    moves.motion[t][x], grid.start + skew, grid.h, moves.samples
+                )
+    return out
+
+
+@dataclass(frozen=True)
+class Predicted:
+    """(S, T, X, K) accelerations [m/s²] and (S, T, X, K + 1) force on the motor per moved mass [m/s²]."""
+
+    acceleration: FloatArray
+    force: FloatArray
+
+
+def predict(moves: Moves, model: Model, shared: FloatArray, local: FloatArray) -> Predicted:
+    """Simulate sets of coordinates: shared (S, P), local (S, T, L), L = 2·X + the effects' nuisances.
+
+    Where the motors' motion was reconstructed, it answers to the force that a set makes: otherwise a fit would take
+    the error of its input for a change of the structure, and come nearer only from one reconstruction to the next.
+    """
+    values = model.complete(free_values(model, shared))
+    c = motor_coefficients(moves, np.stack([values[f"{a}.skew"] for a in model.axes], axis=1))
+    said = simulated(moves, model, shared, local, c)
+    if moves.reference is None:
+        return said
+    changed = said.force - moves.reference
+    for t, echoes in enumerate(moves.echoes):
+        for x, answer in enumerate(echoes):
+            x_mot, v, a = np.nan_to_num(changed[:, t, x]) @ answer.swapaxes(1, 2)
+            c[:, t, :, x] += between(x_mot, v, a, moves.h)
+    return simulated(moves, model, shared, local, c)
+
+
+def free_values(model: Model, shared: FloatArray) -> Values:
+    """Coordinates (S, P) -> values by name, (S,) each."""
+    return {p.name: p.value(shared[:, k]) for k, p in enumerate(model.parameters)}
+
+
+def simulated(moves: Moves, model: Model, shared: FloatArray, local: FloatArray, c: FloatArray) -> Predicted:
+    """As `predict`, for a given motion of the motors c (S, T, K, X, 5)."""
+    free = free_values(model, shared)
+    values = model.complete(free)
+    S, X = len(shared), len(model.axes)
+    load = np.empty((S, len(moves.grids), X, 2))
+    for x, name in enumerate(model.axes):
+        behind = 0.5 * moves.s * values[f"{name}.backlash"][:, None]
+        load[:, :, x, 0] = c[:, :, 0, x, 0] - behind + local[:, :, 2 * x] * REST_SPREAD[0]
+        load[:, :, x, 1] = c[:, :, 0, x, 1] + local[:, :, 2 * x + 1] * REST_SPREAD[1]
+    nuisance = np.empty((S, len(moves.grids), len(model.nuisance)))
+    for k, p in enumerate(model.nuisance):
+        nuisance[..., k] = p.value(local[..., 2 * X + k])
+    said = simulate(model, free, c, moves.s, load, moves.h, nuisance, moves.start)
+    return Predicted(said.acceleration, said.force)
+
+
+def residuals(moves: Moves, said: Predicted) -> FloatArray:
+    """(measured − predicted) of the samples used, over the standard deviation that is expected of it: (S, N)."""
+    difference = (moves.measured - said.acceleration) / (moves.noise[:, None] * moves.expected)
+    return np.asarray(difference[:, moves.used])
+
+
+def with_reconstructed_motion(
+    moves: Moves, model: Model, shared: FloatArray, force: FloatArray, follow: bool = True
+) -> Moves:
+    """The moves with the motor's motion between its samples by the model's force and the torque, eq. (1).
+
+    With `follow` that motion goes on following the force.
+    """
+    values = model.complete(free_values(model, shared[None]))
+    kept = 0.0 if moves.reference is None else KEPT
+    motions, echoes = [], []
+    for x, axis in enumerate(moves.axes):
+        skew = float(values[f"{axis}.skew"][0])
+        loads = [(grid.time + skew, force[t, x]) for t, grid in enumerate(moves.grids)]
+        before = [motion[x] for motion in moves.motion]
+        motion, balance = reconstructed(moves.recording, axis, loads, before, kept)
+        motions.append(motion)
+        speed = moves.recording.traces[axis, "motor_speed"]
+        echoes.append(echoes_of(speed, loads, balance, 1.0 - kept) if follow else [])
+    return replace(
+        moves,
+        motion=tuple(zip(*motions, strict=True)),
+        echoes=tuple(zip(*echoes, strict=True)),
+        reference=force if follow else None,
+    )
+
+
+def echoes_of(speed: Trace, loads: Sequence[Load], balance: Balance, share: float) -> list[FloatArray]:
+    """The echo of every move; moves whose samples lie alike on the grid share one."""
+    known: dict[tuple[int, int], FloatArray] = {}
+    out = []
+    for load in loads:
+        part = window(speed, load)
+        where = (round((float(part.time[0]) - float(load[0][0])) * 1e7), len(part))
+        if where not in known:
+            known[where] = share * echo(speed, load, balance)
+        out.append(known[where])
+    return out

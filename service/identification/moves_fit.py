@@ -1,0 +1,275 @@
+"""Fit of a model to the moves of several recordings: Levenberg-Marquardt, all perturbations as lanes of one pass.
+
+Shared coordinates have a standard normal prior; so have each move's own. Residuals are divided by the noise times
+max(1, present misfit), so that the priors hold while the fit is still bad.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.dynamics.driven_model import Model
+from service.identification.moves import REST_SPREAD, Moves, predict, residuals, with_reconstructed_motion
+from service.recording import FloatArray
+
+DIFFERENCE = 1e-4
+"""Step of the difference quotients in the fit's coordinates."""
+FAR = 5.0
+"""How far a shared coordinate may go from its prior's centre."""
+OVERFLOWN = 1e8
+LADDER = np.array([0.01, 0.1, 0.5, 2.0, 10.0, 1e3])
+"""Dampings tried at once around the last good one."""
+REST_PLACES = (0.0, -0.05, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0, 1.05)
+"""Shares of the gap behind the driving flank at which the pinion may rest when a move begins."""
+
+
+Free = NDArray[np.int64]
+"""Indices of the shared coordinates that are free."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """shared : (P,); local : per recording (T, L), the coordinates of each move."""
+
+    shared: FloatArray
+    local: tuple[FloatArray, ...]
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A model at a point of its coordinates, with residuals over the noise (N,) and their derivative (N, P + …)."""
+
+    model: Model
+    moves: tuple[Moves, ...]
+    at: Point
+    r: FloatArray
+    J: FloatArray
+
+    @property
+    def rms(self) -> float:
+        return float(np.sqrt(np.mean(self.r**2)))
+
+    def value(self, name: str) -> float:
+        """One parameter in its own unit."""
+        k = [p.name for p in self.model.parameters].index(name)
+        return float(self.model.parameters[k].value(self.at.shared[k]))
+
+
+def values_at(found: Fitted) -> dict[str, float]:
+    """The fitted values by name."""
+    return {p.name: float(p.value(u)) for p, u in zip(found.model.parameters, found.at.shared, strict=True)}
+
+
+def width(model: Model) -> int:
+    """Coordinates of each move: position and speed of every load, and the effects' nuisances."""
+    return 2 * len(model.axes) + len(model.nuisance)
+
+
+def resting(moves: Sequence[Moves], model: Model) -> tuple[FloatArray, ...]:
+    """All moves beginning at the driving flank, all nuisances at their likeliest."""
+    return tuple(np.zeros((len(m.grids), width(model))) for m in moves)
+
+
+def every(model: Model) -> Free:
+    """All shared coordinates are free."""
+    return np.arange(len(model.parameters))
+
+
+def found_again(model: Model) -> Free:
+    """Those that are found again in every recording."""
+    return np.flatnonzero([p.found_again for p in model.parameters])
+
+
+def priors(at: Point, free: Free) -> FloatArray:
+    """Residuals of the priors."""
+    return np.concatenate([at.shared[free], *(local.ravel() for local in at.local)])
+
+
+def jacobian(moves: Sequence[Moves], model: Model, at: Point, free: Free) -> tuple[FloatArray, FloatArray]:
+    """Residuals (N,) and derivative with respect to the free shared coordinates and those of the moves."""
+    P, L = len(free), width(model)
+    blocks, rows = [], []
+    total = sum(local.size for local in at.local)
+    first = P
+    for part, local in zip(moves, at.local, strict=True):
+        sets, own = np.tile(at.shared, (1 + P + L, 1)), np.tile(local, (1 + P + L, 1, 1))
+        for row, k in enumerate(free):
+            sets[1 + row, k] += DIFFERENCE
+        for j in range(L):
+            own[1 + P + j, :, j] += DIFFERENCE
+        r = residuals(part, predict(part, model, sets, own))
+        slopes = (r[1:] - r[0]) / DIFFERENCE
+        J = np.zeros((r.shape[1], P + total))
+        J[:, :P] = slopes[:P].T
+        move_of = np.nonzero(part.used)[0]
+        for j in range(L):
+            J[np.arange(len(move_of)), first + move_of * L + j] = slopes[P + j]
+        first += local.size
+        blocks.append(J)
+        rows.append(r[0])
+    J = np.vstack(blocks)
+    return np.concatenate(rows), np.where(np.abs(J) < OVERFLOWN, J, 0.0)
+
+
+def moved(at: Point, step: FloatArray, free: Free) -> Point:
+    """The point after a step of the free coordinates."""
+    shared, local, first = at.shared.copy(), [], len(free)
+    shared[free] = np.clip(shared[free] + step[: len(free)], -FAR, FAR)
+    for own in at.local:
+        local.append(np.clip(own + step[first : first + own.size].reshape(own.shape), -20.0, 20.0))
+        first += own.size
+    return Point(shared, tuple(local))
+
+
+def cost(at: Point, r: FloatArray, scale: float, free: Free) -> float:
+    """Half the sum of squares with the priors, infinite where the simulation ran away."""
+    total = 0.5 * float(r @ r) / scale**2 + 0.5 * float(np.sum(priors(at, free) ** 2))
+    return total if np.isfinite(total) else np.inf
+
+
+def trials(moves: Sequence[Moves], model: Model, points: Sequence[Point]) -> list[FloatArray]:
+    """Residuals of several points, per recording (points, N)."""
+    shared = np.stack([p.shared for p in points])
+    return [
+        residuals(part, predict(part, model, shared, np.stack([p.local[k] for p in points])))
+        for k, part in enumerate(moves)
+    ]
+
+
+def best_trial(
+    moves: Sequence[Moves], model: Model, points: Sequence[Point], scale: float, free: Free
+) -> tuple[int, float]:
+    """Which of the points has the lowest cost, and that cost."""
+    costs = [
+        cost(p, row, scale, free)
+        for p, row in zip(points, np.hstack(trials(moves, model, points)), strict=True)
+    ]
+    return int(np.argmin(costs)), float(np.min(costs))
+
+
+def settle_locally(moves: Sequence[Moves], model: Model, at: Point, scale: float) -> Point:
+    """One step of every move's own coordinates, the shared ones held: each move with the damping that suits it."""
+    L, local = width(model), []
+    for part, own in zip(moves, at.local, strict=True):
+        T = len(own)
+        lanes = np.tile(own, (1 + L, 1, 1))
+        for j in range(L):
+            lanes[1 + j, :, j] += DIFFERENCE
+        r = residuals(part, predict(part, model, np.tile(at.shared, (1 + L, 1)), lanes))
+        ends = np.cumsum([0, *(int(np.sum(grid.used)) for grid in part.grids)])
+        tried = np.tile(own, (1 + len(LADDER), 1, 1))
+        for t in range(T):
+            rows = slice(ends[t], ends[t + 1])
+            J = np.nan_to_num((r[1:, rows] - r[0, rows]).T / DIFFERENCE)
+            H, g = J.T @ J / scale**2 + np.eye(L), J.T @ np.nan_to_num(r[0, rows]) / scale**2 + own[t]
+            for k, damping in enumerate(LADDER):
+                step = -np.linalg.solve(H + damping * np.diag(np.diag(H)), g)
+                tried[1 + k, t] += step * min(1.0, 2.0 / float(np.max(np.abs(step))))
+        said = residuals(part, predict(part, model, np.tile(at.shared, (len(tried), 1)), tried))
+        squares = np.add.reduceat(said**2, ends[:-1], axis=1) / scale**2 + np.sum(tried**2, axis=2)
+        best = np.argmin(np.nan_to_num(squares, nan=np.inf), axis=0)
+        local.append(tried[best, np.arange(T)])
+    return Point(at.shared, tuple(local))
+
+
+def fit(
+    moves: Sequence[Moves],
+    model: Model,
+    at: Point,
+    rounds: int,
+    *,
+    free: Free | None = None,
+    tolerance: float = 0.3,
+) -> Fitted:
+    """Levenberg-Marquardt, several dampings at once; ends when a round gains less than `tolerance` of cost."""
+    damping, free = 1e-2, every(model) if free is None else free
+    with np.errstate(all="ignore"):
+        r, J = jacobian(moves, model, at, free)
+        for _ in range(rounds if np.all(np.isfinite(r)) else 0):
+            scale = max(1.0, float(np.sqrt(np.mean(r**2))))
+            H = J.T @ J / scale**2 + np.eye(J.shape[1])
+            g = J.T @ r / scale**2 + priors(at, free)
+            dampings = damping * LADDER
+            points = []
+            for one in dampings:
+                step = -np.linalg.solve(H + one * np.diag(np.diag(H)), g)
+                points.append(moved(at, step * min(1.0, 2.0 / float(np.max(np.abs(step)))), free))
+            before = cost(at, r, scale, free)
+            best, reached = best_trial(moves, model, points, scale, free)
+            if reached < before:
+                at, damping = points[best], float(np.clip(dampings[best], 1e-6, 1e6))
+            else:
+                damping *= 1e4
+            at = settle_locally(moves, model, at, scale)
+            r, J = jacobian(moves, model, at, free)
+            if before - cost(at, r, scale, free) < tolerance and (reached < before or damping > 1e3):
+                break
+    return Fitted(model, tuple(moves), at, np.nan_to_num(r, nan=OVERFLOWN), J)
+
+
+def rests_found(moves: Sequence[Moves], model: Model, at: Point) -> Point:
+    """The point with each move's resting place chosen among a few by its own residuals."""
+    local = []
+    for part, own in zip(moves, at.local, strict=True):
+        sets = np.tile(at.shared, (len(REST_PLACES), 1))
+        tried = np.tile(own, (len(REST_PLACES), 1, 1))
+        best_own = own.copy()
+        for x, axis in enumerate(model.axes):
+            k = [p.name for p in model.parameters].index(f"{axis}.backlash")
+            gap = float(model.parameters[k].value(at.shared[k]))
+            for j, share in enumerate(REST_PLACES):
+                tried[j, :, 2 * x] = part.s * share * gap / REST_SPREAD[0]
+                tried[j, :, 2 * x + 1] = 0.0
+            with np.errstate(all="ignore"):
+                said = predict(part, model, sets, tried)
+            error = np.where(part.used, (part.measured - said.acceleration) / part.noise[:, None], 0.0)
+            best = np.argmin(np.nan_to_num(np.sum(error**2, axis=(2, 3)), nan=np.inf), axis=0)
+            best_own = tried[best, np.arange(len(best))]
+            tried[:] = best_own
+        local.append(best_own)
+    return Point(at.shared, tuple(local))
+
+
+def best_of_each(fits: Sequence[Fitted]) -> Point:
+    """From fits of the same moves: every move's own coordinates from the fit that describes it best."""
+    local = []
+    for k, part in enumerate(fits[0].moves):
+        errors = [costs_of_moves(one, k) for one in fits]
+        best = np.argmin(np.nan_to_num(np.stack(errors), nan=np.inf), axis=0)
+        local.append(np.stack([one.at.local[k] for one in fits])[best, np.arange(len(part.grids))])
+    return Point(fits[0].at.shared, tuple(local))
+
+
+def costs_of_moves(found: Fitted, k: int) -> FloatArray:
+    """Sum of squares of every move of recording k, with its priors: (T,)."""
+    sizes = [int(np.sum(part.used)) for part in found.moves]
+    first = sum(sizes[:k])
+    move_of = np.nonzero(found.moves[k].used)[0]
+    squares = np.bincount(move_of, found.r[first : first + sizes[k]] ** 2, len(found.moves[k].grids))
+    return np.asarray(squares + np.sum(found.at.local[k] ** 2, axis=1))
+
+
+def as_alike_moves(found: Fitted) -> Point:
+    """Every move begun like the best described one of its direction: moves of one direction begin much alike."""
+    local = []
+    for k, part in enumerate(found.moves):
+        errors, own = costs_of_moves(found, k), found.at.local[k].copy()
+        for s in (1.0, -1.0):
+            of = np.flatnonzero(part.s == s)
+            if len(of):
+                own[of] = own[of[np.argmin(errors[of])]]
+        local.append(own)
+    return Point(found.at.shared, tuple(local))
+
+
+def reconstructed(found: Fitted, follow: bool = True) -> tuple[Moves, ...]:
+    """The moves with the motor's motion reconstructed from the fit; with `follow` it goes on following the force."""
+    out = []
+    for part, local in zip(found.moves, found.at.local, strict=True):
+        force = predict(part, found.model, found.at.shared[None], local[None]).force[0]
+        out.append(with_reconstructed_motion(part, found.model, found.at.shared, force, follow))
+    return tuple(out)

@@ -1,0 +1,201 @@
+"""Search for what a model of moves lacks: every effect is refitted as an addition to the model, and judged on moves
+that were not fitted.
+
+A model that lacks something is driven into a corner of its parameters, from which a refit comes back slowly. So every
+effect is started from several places: from the present fit, from the estimator's, which sees the middle of the moves
+only, and from a fit to which all smooth effects were added at once. The effect's own shape (a frequency, a speed, a
+period) is chosen there by a score test: the derivative of the residual with respect to a small dose of the effect,
+projected off what the other parameters can do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from service.dynamics.driven_model import DrivenEffect, Model
+from service.identification.held_out import Explained, trial_of
+from service.identification.moves import Moves, predict, residuals, some_of
+from service.identification.moves_fit import (
+    DIFFERENCE,
+    Fitted,
+    Point,
+    fit,
+    reconstructed,
+    rests_found,
+    values_at,
+    width,
+)
+from service.identification.scene import Scene, Values, point_at
+from service.identification.selection import Trial
+from service.recording import FloatArray
+
+SHAPES = 2
+"""Shapes of an effect from which it is started at each place, the best by the score."""
+FEW, BRIEF = 4, 5
+"""Moves and rounds with which starts are compared."""
+FIRST_ROUNDS, ROUNDS = 6, 12
+PROMISING = 5
+"""Effects that are fitted further after a first look at all."""
+FINALISTS = 2
+MORE, ENDED = 3, 1.05
+"""How often the fit of a model that was taken is continued, and the RMS at which it need not be."""
+"""Effects whose fit is finished with the motor's motion reconstructed from it."""
+PUT_BACK = ("turnover_speed", "coulomb", "viscous", "damping_ratio", "smear")
+"""Parameters that a wrong model drives into a corner from which a fit comes back slowly."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """What a model becomes with an effect."""
+
+    effect: DrivenEffect
+    model: Model
+
+    @property
+    def name(self) -> str:
+        return self.effect.name
+
+
+def candidates(
+    present: Model, library: Sequence[type[DrivenEffect]], taken: Sequence[str]
+) -> list[Candidate]:
+    """Every effect that is not in the model yet; a bridge only where two axes move together without one."""
+    found = []
+    for kind in library:
+        bridge = kind.name == "gantry_coupling"
+        if kind.name in taken or (bridge and (len(present.axes) < 2 or present.bridge)):
+            continue
+        effect = kind(present.axes)
+        found.append(Candidate(effect, replace(present, effects=(*present.effects, effect))))
+    return found
+
+
+def scored(found: Fitted, candidate: Candidate, base: Values) -> list[Values]:
+    """The candidate's shapes with the amounts that would take most from the residual, the best first.
+
+    `found` is a fit of the model without the effect, `base` its values.
+    """
+    model, out = candidate.model, []
+    amounts = [k for k, p in enumerate(model.parameters) if p.dose and p.name not in base]
+    basis = np.linalg.qr(found.J)[0]
+    left = found.r - basis @ (basis.T @ found.r)
+    for start in candidate.effect.starts:
+        values = dict(base) | dict(start)
+        slopes = score_slopes(found, model, values, amounts)
+        slopes -= basis @ (basis.T @ slopes)
+        H = slopes.T @ slopes + np.eye(len(amounts))
+        step = np.linalg.solve(H, -slopes.T @ left)
+        for k, u in zip(amounts, np.clip(step, -1.0, 1.0), strict=True):
+            p = model.parameters[k]
+            least = p.dose if p.low >= 0.0 else -np.inf
+            values[p.name] = max(least, float(p.value(u)))
+        out.append((float(step @ H @ step), values))
+    return [values for _, values in sorted(out, key=lambda one: -one[0])]
+
+
+def score_slopes(found: Fitted, model: Model, values: Values, amounts: Sequence[int]) -> FloatArray:
+    """Derivative of the residuals with respect to the amounts' coordinates (N, amounts) at a fit."""
+    shared = np.array([float(p.internal(values[p.name])) for p in model.parameters])
+    sets = np.tile(shared, (1 + len(amounts), 1))
+    for row, k in enumerate(amounts):
+        sets[1 + row, k] += 10.0 * DIFFERENCE
+    r = []
+    for part, local in zip(found.moves, found.at.local, strict=True):
+        own = np.zeros((len(local), width(model)))
+        own[:, : local.shape[1]] = local
+        r.append(residuals(part, predict(part, model, sets, np.tile(own, (len(sets), 1, 1)))))
+    rows = np.hstack(r)
+    return np.asarray(np.nan_to_num((rows[1:] - rows[0]).T / (10.0 * DIFFERENCE)))
+
+
+def begun(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:
+    """Values from which the candidate is started, see the module's text."""
+    present = values_at(found)
+    shapes = scored(found, candidate, present)[:SHAPES]
+    own = {p.name for p in candidate.effect.parameters}
+    kept = {p.name for p in candidate.model.parameters}
+    out = [*shapes]
+    for place in (scene.rich, scene.smooth):
+        base = {**present, **{k: v for k, v in place.items() if k in kept}}
+        from_here = shapes[:1] if own <= place.keys() else shapes
+        out += [{**base, **{k: v for k, v in s.items() if k in own and k not in place}} for s in from_here]
+    out.append({k: v for k, v in shapes[0].items() if not k.endswith(PUT_BACK)})
+    at_rich = {k: v for k, v in scene.rich.items() if k in kept and not k.endswith(PUT_BACK)}
+    out.append(at_rich | {k: v for k, v in shapes[0].items() if k in own})
+    return out
+
+
+def refitted(scene: Scene, found: Fitted, candidate: Candidate) -> Fitted:
+    """The candidate fitted from the best of its starts."""
+    moves = unanswering(found.moves)
+    few = tuple(some_of(part, FEW) for part in moves[:1])
+    brief = [
+        fit(few, candidate.model, point_at(candidate.model, values, few), BRIEF)
+        for values in begun(scene, found, candidate)
+    ]
+    best = sorted(brief, key=lambda f: f.rms)[:2]
+    fits = [
+        fit(moves, candidate.model, point_at(candidate.model, values_at(one), moves), FIRST_ROUNDS)
+        for one in (best if best[0].rms > 0.9 * best[-1].rms else best[:1])
+    ]
+    return min(fits, key=lambda f: f.rms)
+
+
+def unanswering(moves: Sequence[Moves]) -> tuple[Moves, ...]:
+    """The moves with a motion that does not answer to the force: quicker, and good enough for comparing effects."""
+    return tuple(replace(part, echoes=(), reference=None) for part in moves)
+
+
+def settled(found: Fitted, rounds: int) -> Fitted:
+    """The fit continued with the motors' motion reconstructed from it; the better of two starts."""
+    moves = reconstructed(found)
+    put_back = {name: v for name, v in values_at(found).items() if not name.endswith(PUT_BACK)}
+    starts = (rests_found(moves, found.model, found.at), point_at(found.model, put_back, moves))
+    return min((fit(moves, found.model, at, rounds) for at in starts), key=lambda f: f.rms)
+
+
+def propose(
+    scene: Scene,
+    library: Sequence[type[DrivenEffect]],
+    present: Trial[Explained],
+    taken: tuple[str, ...],
+    tell: Callable[[str], None],
+) -> dict[str, Trial[Explained]]:
+    """Every effect that is not in yet, fitted on all train moves; the best few fitted to the end."""
+    base = present.model.fitted
+    found: dict[str, Fitted] = {}
+    for candidate in candidates(base.model, library, taken):
+        found[candidate.name] = refitted(scene, base, candidate)
+        tell(f"tried {candidate.name}: {found[candidate.name].rms:.3f} (now {base.rms:.3f})")
+    for name in sorted(found, key=lambda n: found[n].rms)[:PROMISING]:
+        found[name] = fit(found[name].moves, found[name].model, found[name].at, ROUNDS)
+    finalists = sorted(found, key=lambda n: found[n].rms)[:FINALISTS]
+    for name in finalists:
+        found[name] = settled(found[name], ROUNDS)
+    return {name: trial_of(scene, f, thorough=name in finalists) for name, f in found.items()}
+
+
+def ended(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
+    """The fit of the model that was taken, continued while it gains."""
+    best = trial.model.fitted
+    for _ in range(MORE):
+        if best.rms <= ENDED:
+            break
+        further = settled(best, ROUNDS)
+        gained, best = best.rms - further.rms, min(best, further, key=lambda f: f.rms)
+        if gained < 0.02 * best.rms:
+            break
+    return trial if best is trial.model.fitted else trial_of(scene, best)
+
+
+def challenged(scene: Scene, present: Trial[Explained], best: Trial[Explained]) -> Trial[Explained]:
+    """The present model fitted once more from where the best candidate ended, without the candidate's effect, so that
+    no effect is named for having led the fit out of a poor valley."""
+    now, other = present.model.fitted, best.model.fitted
+    keep = [[p.name for p in other.model.parameters].index(p.name) for p in now.model.parameters]
+    at = Point(other.at.shared[keep], tuple(local[:, : width(now.model)] for local in other.at.local))
+    again = settled(fit(other.moves, now.model, at, ROUNDS), ROUNDS)
+    return trial_of(scene, again) if again.rms < 0.99 * now.rms else present

@@ -1,0 +1,207 @@
+"""The recordings of one axis, or of two that move together, ready to be fitted: the declared model, and the places
+from which fits are started."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from service.backlash.model_fit import GANTRY, SINGLE
+from service.backlash.model_fit_data import measure
+from service.backlash.model_fit_stages import Staged, staged_fit
+from service.backlash.model_fit_start import Guess, closed_form
+from service.dynamics.driven_effect import Case
+from service.dynamics.driven_model import DrivenEffect, Model
+from service.dynamics.driven_parameters import Parameter
+from service.dynamics.driven_parameters import Values as SetValues
+from service.identification.expected_errors import expected_errors
+from service.identification.moves import Moves, moves_of
+from service.identification.moves_fit import (
+    Fitted,
+    Point,
+    fit,
+    reconstructed,
+    resting,
+    rests_found,
+    values_at,
+)
+from service.recording import FloatArray, Recording
+
+HELD = ("constant", "skew")
+"""What the declared model does not have: a constant force, and a skew between the channels."""
+NOT_SMOOTH = (
+    "machine_body_mode",
+    "hung_mass_mode",
+    "transmission_ripple",
+    "gearbox_clearance",
+    "contact_nonlinearity",
+    "gantry_coupling",
+)
+"""Effects whose place in a fit has to be searched for; the others are added all at once for a start."""
+ROUNDS = 16
+
+Values = Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class ChannelTolerance(DrivenEffect):
+    """What every chain of measurement does: time stamps a few hundredths of a sample off, and a sensor whose own filter
+    smears an impact a little. No effects, but both change an impact by more than the noise. Part of the declared
+    model."""
+
+    name: ClassVar[str] = "channel_tolerance"
+    means: ClassVar[str] = "time stamps are rounded, and the sensor has a bandwidth"
+    own: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("clock_offset", "s", 0.0, 5e-6, logarithmic=False),
+        Parameter("smear", "s", 0.0, 1e-4, logarithmic=False, low=0.0, high=4e-4),
+    )
+
+    def restate(self, values: SetValues) -> SetValues:
+        return {**values, **{f"{a}.skew": values[f"{a}.clock_offset"] for a in self.axes}}
+
+    def measure(self, predicted: FloatArray, case: Case) -> FloatArray:
+        out = predicted.copy()
+        for _, axis, x in self.each(case.model):
+            out[:, :, x] = smeared(predicted[:, :, x], case.values[f"{axis}.smear"] / case.h)
+        return out
+
+
+def smeared(course: FloatArray, spread: FloatArray) -> FloatArray:
+    """Courses (S, T, K) as a filter without delay passes them, whose answer has the standard deviation `spread` (S,)
+    in samples; the ends are held."""
+    if not np.any(spread):
+        return course
+    K, room = course.shape[-1], 8
+    held = np.concatenate(
+        (course, course[..., -1:].repeat(room, -1), course[..., :1].repeat(room, -1)), axis=-1
+    )
+    omega = 2.0 * np.pi * np.fft.rfftfreq(K + 2 * room)
+    passed = np.exp(-0.5 * (omega * spread[:, None]) ** 2)[:, None]
+    return np.asarray(np.fft.irfft(np.fft.rfft(held) * passed, K + 2 * room)[..., :K])
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Recordings ready to be fitted.
+
+    Attributes
+    ----------
+    rich : values that the estimator found in the middle of the moves with everything free
+    smooth : values of a fit of whole moves with all smooth effects added
+    """
+
+    train: tuple[Moves, ...]
+    validate: Moves
+    declared: Model
+    rich: Values
+    smooth: Values
+
+
+def estimator_together(recording: Recording, axes: tuple[str, ...]) -> Values:
+    """What the estimator's staged fit of a gantry finds in the middle part of the moves."""
+    guesses = {name: Guess(None, closed_form(recording, name).compliance, None) for name in axes}
+    measured = measure(recording, axes, range(len(recording.moves)))
+    return values_of(staged_fit(measured, Model(axes, 1), guesses, GANTRY))
+
+
+def values_of(staged: Staged) -> Values:
+    found, model = staged.best.fit, staged.best.problem.model
+    return {p.name: found.value(model, p.name) for p in model.parameters}
+
+
+def estimator_alone(recording: Recording, axis: str) -> Values:
+    """One axis as if nothing pulled on it, with two masses between motor and rack."""
+    measured = measure(recording, (axis,), range(len(recording.moves)))
+    return values_of(staged_fit(measured, Model((axis,), 2), {axis: closed_form(recording, axis)}, SINGLE))
+
+
+def lumped(rich: Values, axis: str) -> Values:
+    """The values with the two masses taken as one, on their springs in series."""
+    gear, pinion = (rich[f"{axis}.{link}_stiffness"] for link in ("gear", "pinion"))
+    damping = 0.5 * (rich[f"{axis}.gear_damping_ratio"] + rich[f"{axis}.pinion_damping_ratio"])
+    return {
+        **rich,
+        f"{axis}.drive_stiffness": gear * pinion / (gear + pinion),
+        f"{axis}.drive_damping_ratio": damping,
+        f"{axis}.drive_mass": rich[f"{axis}.gear_mass"] + rich[f"{axis}.pinion_mass"],
+    }
+
+
+def point_at(model: Model, values: Values, moves: Sequence[Moves]) -> Point:
+    """The point with these values, others at their typical value, every move's zero chosen among a few."""
+    shared = np.array(
+        [float(p.internal(values[p.name])) if p.name in values else 0.0 for p in model.parameters]
+    )
+    shared = np.clip(np.nan_to_num(shared), -4.0, 4.0)
+    return rests_found(moves, model, Point(shared, resting(moves, model)))
+
+
+def as_effects(rich: Values, axes: Sequence[str]) -> Values:
+    """The estimator's free skew and constant force under the names that they have as effects."""
+    named = {f"{a}.latency": -rich[f"{a}.skew"] for a in axes}
+    return {**rich, **named, **{f"{a}.constant_force": rich[f"{a}.constant"] for a in axes}}
+
+
+def smooth_fit(
+    train: Sequence[Moves], declared: Model, rich: Values, library: Sequence[type[DrivenEffect]]
+) -> Fitted:
+    """The declared model with all smooth effects at once: few numbers of it are right, but none is in a corner.
+
+    The motors' motion is first reconstructed from where the estimator ended: a fit of the plain one takes the error of
+    its input for a chain with other masses.
+    """
+    added = tuple(kind(declared.axes) for kind in library if kind.name not in NOT_SMOOTH)
+    model = replace(declared, effects=(*declared.effects, *added))
+    found = resettled(train, model, point_at(model, rich, train))
+    found = fit(found.moves, model, found.at, ROUNDS)
+    return fit(reconstructed(found), model, found.at, ROUNDS // 2)
+
+
+def resettled(moves: Sequence[Moves], model: Model, at: Point) -> Fitted:
+    """The moves' own coordinates fitted and the motors' motion reconstructed, with the shared coordinates held."""
+    held = np.zeros(0, dtype=np.int64)
+    found = fit(moves, model, at, 6, free=held)
+    for _ in range(2):
+        moves = reconstructed(found)
+        found = fit(moves, model, rests_found(moves, model, found.at), 4, free=held)
+    return found
+
+
+def declared_fit(scene: Scene) -> Fitted:
+    """The declared model on all moves of all train recordings, from the best of the places."""
+    fits = [
+        fit(scene.train, scene.declared, point_at(scene.declared, place, scene.train), ROUNDS)
+        for place in (scene.rich, scene.smooth)
+    ]
+    return min(fits, key=lambda f: f.rms)
+
+
+def scene_of(
+    train: Sequence[Recording],
+    validate: Recording,
+    axes: tuple[str, ...],
+    gantry: bool,
+    library: Sequence[type[DrivenEffect]],
+) -> Scene:
+    """Grids of all recordings, the places to start from, and the errors that are expected."""
+    lumps = 2 if len(axes) == 1 else 1
+    rich: dict[str, float] = {}
+    if gantry:
+        rich |= estimator_together(train[0], axes)
+    else:
+        for axis in axes:
+            rich |= lumped(estimator_alone(train[0], axis), axis)
+    places = as_effects(rich, axes)
+    declared = Model(axes, lumps, (ChannelTolerance(axes),), "whole_move", HELD, bridge=gantry)
+    smooth = smooth_fit([moves_of(r, axes) for r in train], declared, places, library)
+    *before, last = [with_expected_errors(part, smooth) for part in (*smooth.moves, moves_of(validate, axes))]
+    return Scene(tuple(before), last, declared, places, values_at(smooth))
+
+
+def with_expected_errors(moves: Moves, found: Fitted) -> Moves:
+    """The moves with the spread that a right model's residuals would have, judged at a fit."""
+    at = rests_found([moves], found.model, Point(found.at.shared, resting([moves], found.model)))
+    return replace(moves, expected=expected_errors(moves, found.model, at.shared, at.local[0]))

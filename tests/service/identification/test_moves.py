@@ -1,0 +1,147 @@
+"""Whole moves as a problem of output error: what is expected of residuals, and what a prediction may see."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from service.captures import read_capture
+from service.dynamics.driven_model import Model
+from service.dynamics.effects.driven_library import DRIVEN
+from service.identification.expected_errors import expected_errors, speed_errors, speed_noise
+from service.identification.held_out import held_out
+from service.identification.moves import Moves, early_part, moves_of, noise_at_rest, predict
+from service.identification.moves_fit import (
+    Fitted,
+    as_alike_moves,
+    best_of_each,
+    every,
+    fit,
+    found_again,
+    settle_locally,
+)
+from service.identification.scene import ChannelTolerance, as_effects, estimator_alone, point_at, smeared
+from service.recording import Recording, Trace
+
+
+@pytest.fixture(scope="module")
+def captures(request: pytest.FixtureRequest) -> tuple[Recording, Recording]:
+    shared: Path = request.getfixturevalue("shared_dir")
+    train, validate = (read_capture(shared / "captures" / f"none-{p}.parquet") for p in ("train", "validate"))
+    return train, validate
+
+
+@pytest.fixture(scope="module")
+def found(captures: tuple[Recording, Recording]) -> Fitted:
+    """The declared model at the estimator's values, only briefly fitted."""
+    train = captures[0]
+    model = Model(("X1",), 2, (ChannelTolerance(("X1",)),), "whole_move", ("constant", "skew"), bridge=False)
+    moves = [moves_of(train, ("X1",))]
+    place = as_effects(estimator_alone(train, "X1"), ("X1",))
+    return fit(moves, model, point_at(model, place, moves), 4)
+
+
+def altered(recording: Recording, from_share: float) -> Recording:
+    """The recording with nonsense in the acceleration of every move from a share of it on."""
+    trace = recording.traces["X1", "acceleration"]
+    value = trace.value.copy()
+    for move in recording.moves:
+        late = (trace.time > move.start + from_share * move.duration) & (trace.time <= move.end)
+        value[late] = 3.0
+    return replace(recording, traces={**recording.traces, ("X1", "acceleration"): Trace(trace.time, value)})
+
+
+def test_a_prediction_does_not_see_the_acceleration_that_it_predicts(
+    captures: tuple[Recording, Recording], found: Fitted
+) -> None:
+    honest = held_out(moves_of(captures[1], ("X1",)), found)
+    blind = held_out(moves_of(altered(captures[1], 0.46), ("X1",)), found)
+    np.testing.assert_allclose(blind.predicted, honest.predicted, rtol=0.0, atol=1e-9)
+
+
+def test_a_noisier_drive_makes_larger_errors_expected(
+    captures: tuple[Recording, Recording], found: Fitted
+) -> None:
+    train, rng = captures[0], np.random.default_rng(5)
+    speed = train.traces["X1", "motor_speed"]
+    noisy = Trace(speed.time, speed.value + 0.05 * rng.standard_normal(len(speed)))
+    loud = moves_of(replace(train, traces={**train.traces, ("X1", "motor_speed"): noisy}), ("X1",))
+    quiet = found.moves[0]
+    assert speed_noise(noisy, loud) == pytest.approx(0.05, rel=0.1)
+    spreads = [expected_errors(m, found.model, found.at.shared, found.at.local[0]) for m in (quiet, loud)]
+    assert np.all(spreads[0] >= 1.0)
+    assert np.mean(spreads[1]) > 2.0 * np.mean(spreads[0])
+
+
+def test_the_errors_of_single_samples_add_up_to_the_error_of_all(
+    captures: tuple[Recording, Recording],
+) -> None:
+    """A spline is linear in its samples: one standard deviation on all of them is a speed that is off by as much."""
+    moves = moves_of(captures[0], ("X1",))
+    together = speed_errors(moves, 0, 0.0).sum(axis=0)[0]
+    off = speed_noise(captures[0].traces["X1", "motor_speed"], moves) * captures[0].axis("X1").transmission
+    np.testing.assert_allclose(together[:, 1], off, rtol=1e-9)
+    np.testing.assert_allclose(together[:, 0], off * moves.h * np.arange(moves.samples), atol=1e-15)
+
+
+def test_noise_at_rest_does_not_count_a_swing(captures: tuple[Recording, Recording]) -> None:
+    train, rng = captures[0], np.random.default_rng(3)
+    time = train.traces["X1", "acceleration"].time
+    swinging = Trace(time, 2.0 * np.sin(2 * np.pi * 15.0 * time) + 0.03 * rng.standard_normal(len(time)))
+    assert noise_at_rest(swinging, train) == pytest.approx(0.03, rel=0.06)
+
+
+def test_smearing_keeps_area_and_place_and_has_its_spread() -> None:
+    pulse = np.zeros((1, 1, 101))
+    pulse[..., 50] = 1.0
+    passed = smeared(pulse, np.array([1.5]))[0, 0]
+    k = np.arange(101)
+    assert passed.sum() == pytest.approx(1.0)
+    assert passed @ k == pytest.approx(50.0, abs=1e-6)
+    assert np.sqrt(passed @ (k - 50.0) ** 2) == pytest.approx(1.5, rel=0.01)
+
+
+def test_each_move_is_settled_by_itself(found: Fitted) -> None:
+    """One move begun badly is brought back without moving the others."""
+    local = found.at.local[0].copy()
+    local[3, 0] += 0.02
+    at = replace(found.at, local=(local,))
+    for _ in range(4):
+        at = settle_locally(found.moves, found.model, at, 1.0)
+    moves: Moves = found.moves[0]
+    said = predict(moves, found.model, at.shared[None], at.local[0][None]).acceleration[0]
+    errors = np.where(moves.used, (moves.measured - said) / moves.noise[:, None], 0.0)
+    per_move = np.sqrt(np.mean(errors**2, axis=(1, 2)))
+    assert per_move[3] < 1.5 * np.median(per_move)
+
+
+def test_the_better_start_is_kept_for_every_move(found: Fitted) -> None:
+    worse = found.at.local[0].copy()
+    worse[::2, 0] += 0.05
+    other = fit(found.moves, found.model, replace(found.at, local=(worse,)), 0)
+    mixed = best_of_each((other, fit(found.moves, found.model, found.at, 0)))
+    np.testing.assert_allclose(mixed.local[0][::2], found.at.local[0][::2])
+    alike = as_alike_moves(found).local[0]
+    for s in (1.0, -1.0):
+        of = alike[found.moves[0].s == s]
+        np.testing.assert_allclose(of, np.tile(of[0], (len(of), 1)))
+
+
+def test_only_zeros_are_found_again() -> None:
+    model = Model(
+        ("X1",), 2, tuple(kind(("X1",)) for kind in DRIVEN.values() if kind.name != "gantry_coupling")
+    )
+    names = {model.parameters[k].name for k in found_again(model)}
+    assert names == {"X1.ripple_phase"}
+    assert len(every(model)) == len(model.parameters)
+
+
+def test_the_early_part_is_early(captures: tuple[Recording, Recording]) -> None:
+    moves = moves_of(captures[0], ("X1",))
+    part = early_part(moves, 0.45)
+    for grid in part.grids:
+        move = captures[0].moves[grid.index]
+        assert grid.time[1:][grid.used[0]].max() <= move.start + 0.45 * move.duration
