@@ -33,7 +33,7 @@ def explain_axes(
     with np.errstate(all="ignore"):  # a random machine may be unstable; its cost counts as infinite
         library = tuple(DRIVEN.values())
         scene = scene_of(train, validate, tuple(axes), tuple(axes) in validate.gantry, library)
-        before = trial_of(scene, settled(declared_fit(scene), 12))
+        before = ended(scene, trial_of(scene, settled(declared_fit(scene), 12)))
         tell(f"declared model: RMS {before.train_rms:.3f}, held out {before.validation_rms:.3f} of the noise")
         selection = select(
             before,

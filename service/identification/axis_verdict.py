@@ -23,13 +23,12 @@ from service.identification.selection import Selection, left
 from service.recording import FloatArray
 
 LEFT_BY_CLEAN = 1.25
-"""Held-out RMS over the noise up to which nothing is missing: impurities too small to matter for the backlash leave
-up to that (chosen)."""
+"""RMS over what is expected up to which nothing is searched for (chosen)."""
 LEFT = 1.6
 """Held-out RMS over the noise up to which the named effects count as the whole explanation (chosen)."""
 SMALL, MATTERS = 1.6, (1e-6, 0.02)
 """What leaves no more than this RMS without it, and changes the backlash by less than so many metres or such a share,
-is an impurity too small to matter."""
+is an impurity too small to matter; and what leaves no more and has no name is not called missing (chosen)."""
 CROSSED = 0.6
 """Share of a move at which its gap is crossed, about: after the top speed, at two thirds of the braking."""
 EXPLAINED = 0.95
@@ -72,7 +71,7 @@ def _finding(selection: Selection[Explained]) -> tuple[Finding, tuple[str, ...]]
     """``effect`` only when the named effects leave near nothing: a part of an unknown is not an explanation."""
     before, after = selection.before.validation_rms, selection.after.validation_rms
     if not selection.effects:
-        return ("none" if left(selection.before) <= LEFT_BY_CLEAN else "unknown"), ()
+        return ("none" if left(selection.before) <= SMALL else "unknown"), ()
     if _immaterial(selection):
         return "none", ()
     excess = (after**2 - 1.0) / max(before**2 - 1.0, 1e-12)

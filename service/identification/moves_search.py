@@ -37,11 +37,11 @@ SHAPES = 2
 FEW, BRIEF = 4, 5
 """Moves and rounds with which starts are compared."""
 FIRST_ROUNDS, ROUNDS = 6, 12
-PROMISING = 5
+PROMISING = 4
 """Effects that are fitted further after a first look at all."""
 FINALISTS = 2
-MORE, ENDED = 3, 1.05
-"""How often the fit of a model that was taken is continued, and the RMS at which it need not be."""
+MORE, ENDED, HOPELESS = 3, 1.05, 4.0
+"""How often a fit is continued, the RMS at which it need not be, and that from which more rounds do not help."""
 """Effects whose fit is finished with the motor's motion reconstructed from it."""
 PUT_BACK = ("turnover_speed", "coulomb", "viscous", "damping_ratio", "smear")
 """Parameters that a wrong model drives into a corner from which a fit comes back slowly."""
@@ -120,8 +120,7 @@ def begun(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:
     out = [*shapes]
     for place in (scene.rich, scene.smooth):
         base = {**present, **{k: v for k, v in place.items() if k in kept}}
-        from_here = shapes[:1] if own <= place.keys() else shapes
-        out += [{**base, **{k: v for k, v in s.items() if k in own and k not in place}} for s in from_here]
+        out.append({**base, **{k: v for k, v in shapes[0].items() if k in own and k not in place}})
     out.append({k: v for k, v in shapes[0].items() if not k.endswith(PUT_BACK)})
     at_rich = {k: v for k, v in scene.rich.items() if k in kept and not k.endswith(PUT_BACK)}
     out.append(at_rich | {k: v for k, v in shapes[0].items() if k in own})
@@ -179,10 +178,10 @@ def propose(
 
 
 def ended(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
-    """The fit of the model that was taken, continued while it gains."""
+    """The fit of a model that may be the right one, continued while it gains."""
     best = trial.model.fitted
     for _ in range(MORE):
-        if best.rms <= ENDED:
+        if not ENDED < best.rms < HOPELESS:
             break
         further = settled(best, ROUNDS)
         gained, best = best.rms - further.rms, min(best, further, key=lambda f: f.rms)
