@@ -32,14 +32,15 @@ is an impurity too small to matter; and what leaves no more and has no name is n
 CROSSED = 0.6
 """Share of a move at which its gap is crossed, about: after the top speed, at two thirds of the braking."""
 EXPLAINED = 0.95
-"""Or the share of the excess variance that they explain."""
+"""Or the share of the excess variance that one effect explains by itself; several that still leave something are how a
+library imitates what it does not have (chosen)."""
 STRUCTURE = (0.11e-6, 1.2e-3)
 """Standard deviation of what the structure is worth: floor [m] and share of the backlash, as in the estimator."""
 
 
 def verdict(scene: Scene, selection: Selection[Explained]) -> tuple[AxisExplanation, ...]:
     """One verdict per axis of the scene."""
-    finding, effects = _finding(selection)
+    finding, effects = finding_of(selection)
     before = selection.before.model
     after = selection.after.model if finding == "effect" else before
     return tuple(
@@ -67,7 +68,7 @@ def verdict(scene: Scene, selection: Selection[Explained]) -> tuple[AxisExplanat
     )
 
 
-def _finding(selection: Selection[Explained]) -> tuple[Finding, tuple[str, ...]]:
+def finding_of(selection: Selection[Explained]) -> tuple[Finding, tuple[str, ...]]:
     """``effect`` only when the named effects leave near nothing: a part of an unknown is not an explanation."""
     before, after = selection.before.validation_rms, selection.after.validation_rms
     if not selection.effects:
@@ -75,7 +76,8 @@ def _finding(selection: Selection[Explained]) -> tuple[Finding, tuple[str, ...]]
     if _immaterial(selection):
         return "none", ()
     excess = (after**2 - 1.0) / max(before**2 - 1.0, 1e-12)
-    if left(selection.after) <= LEFT or excess <= 1.0 - EXPLAINED:
+    alone = len(selection.effects) == 1 and excess <= 1.0 - EXPLAINED
+    if left(selection.after) <= LEFT or alone:
         return "effect", selection.effects
     return "unknown", ()
 

@@ -1,0 +1,52 @@
+"""When effects that were found may be named."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from service.identification import axis_verdict
+from service.identification.selection import Selection, Trial
+
+
+def trial(train: float, held_out: float) -> Trial[Any]:
+    nothing = SimpleNamespace(fitted=SimpleNamespace(model=SimpleNamespace(axes=("X1",))))
+    return Trial(nothing, train, held_out, np.ones(5), np.zeros(0), 100.0)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "effects", "finding"),
+    [
+        ((1.4, 1.5), (1.4, 1.5), (), "none"),
+        ((9.0, 9.0), (9.0, 9.0), (), "unknown"),
+        ((9.0, 12.0), (1.1, 1.3), ("stribeck_friction",), "effect"),
+        ((9.0, 12.0), (1.1, 1.3), ("stribeck_friction", "sensor_latency"), "effect"),
+        ((40.0, 40.0), (3.0, 6.0), ("hung_mass_mode",), "effect"),
+        ((40.0, 40.0), (3.0, 6.0), ("sensor_latency", "sensor_gain", "gearbox_clearance"), "unknown"),
+        ((9.0, 9.0), (5.0, 5.0), ("sensor_gain",), "unknown"),
+    ],
+)
+def test_effects_are_named_when_they_leave_next_to_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+    before: tuple[float, float],
+    after: tuple[float, float],
+    effects: tuple[str, ...],
+    finding: str,
+) -> None:
+    values = iter([(50e-6, 1e-7), (40e-6, 1e-7)])
+    monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: next(values))
+    selection = Selection(trial(*before), trial(*after), effects, (), ())
+    found, named = axis_verdict.finding_of(selection)
+    assert (found, named) == (finding, effects if finding == "effect" else ())
+
+
+def test_an_impurity_that_moves_the_backlash_by_next_to_nothing_is_none(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    values = iter([(50.0e-6, 1e-7), (50.3e-6, 1e-7)])
+    monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: next(values))
+    selection = Selection(trial(1.4, 2.5), trial(1.0, 1.1), ("transmission_ripple",), (), ())
+    assert axis_verdict.finding_of(selection) == ("none", ())
