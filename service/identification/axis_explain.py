@@ -44,5 +44,6 @@ def explain_axes(
             material=MATERIAL,
             enough=LEFT_BY_CLEAN,
             further=FURTHER,
+            size=lambda trial: len(trial.model.fitted.model.parameters),
         )
     return verdict(scene, selection)

@@ -22,6 +22,8 @@ LEVEL = 0.01
 """False-finding rate per recording, after correction for the search. Chosen below the 2 % that is aimed at."""
 MATERIAL = 0.02
 """Share of the held-out RMS that an effect must remove to be worth naming (chosen)."""
+NEAR = 0.05
+"""How much nearer an effect with more parameters must come than one with fewer, which it may contain (chosen)."""
 MAX_EFFECTS = 4
 
 ModelT = TypeVar("ModelT")
@@ -96,6 +98,7 @@ def select(
     material: float = MATERIAL,
     enough: float = 0.0,
     further: tuple[float, float] | None = None,
+    size: Callable[[Trial[ModelT]], int] = lambda _trial: 0,
 ) -> Selection[ModelT]:
     """Add effects one after the other until none is significant and material.
 
@@ -104,7 +107,8 @@ def select(
     the present model another chance from where the best candidate ended, so that no effect is named for having
     led the fit out of a poor valley. ``material`` is the share of the held-out RMS that an effect must remove,
     ``enough`` the RMS of ``left`` at which nothing is left to explain; ``further`` the same two for every effect
-    after the first, where what is left may be the fit's own imperfection.
+    after the first, where what is left may be the fit's own imperfection. ``size`` is a model's number of parameters:
+    of effects that come equally near the one with the fewest is taken.
     """
     present: Trial[ModelT] = before
     taken: tuple[str, ...] = ()
@@ -122,7 +126,9 @@ def select(
         if not passed:
             log = [c for c in log if c.effect not in judged] + list(judged.values())
             break
-        best = min(passed, key=lambda name: trials[name].validation_rms)
+        least = min(trials[name].validation_rms for name in passed)
+        near = [name for name in passed if trials[name].validation_rms <= (1.0 + NEAR) * least]
+        best = min(near, key=lambda name: (size(trials[name]), trials[name].validation_rms))
         log = [c for c in log if c.effect not in judged]
         log += [_only(best, candidate) for candidate in judged.values()]
         rivals += [(best, name) for name in passed if name != best and _alike(trials[best], trials[name])]

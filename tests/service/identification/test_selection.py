@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from service.identification.explanation import Explanation
@@ -34,6 +36,17 @@ def test_the_better_of_two_real_gains_is_taken_first() -> None:
     )
     assert found.effects == ("b", "a")
     assert found.after.validation_rms < found.before.validation_rms
+
+
+def test_of_two_that_come_equally_near_the_smaller_is_taken() -> None:
+    """A force that grows along the travel contains a constant one."""
+    trials = {
+        "large": replace(trial(0.49, 0), model="four numbers"),
+        "small": replace(trial(0.50, 0), model="one"),
+    }
+    for size, first in ((lambda t: len(t.model), "small"), (lambda _t: 0, "large")):
+        found = select(trial(1.0, 0), lambda _p, taken: {} if taken else trials, enough=0.6, size=size)
+        assert found.effects == (first,)
 
 
 def test_no_gain_has_no_significance() -> None:
