@@ -22,7 +22,7 @@ LEVEL = 0.01
 """False-finding rate per recording, after correction for the search. Chosen below the 2 % that is aimed at."""
 MATERIAL = 0.02
 """Share of the held-out RMS that an effect must remove to be worth naming (chosen)."""
-NEAR = 0.05
+NEAR = 0.1
 """How much nearer an effect with more parameters must come than one with fewer, which it may contain (chosen)."""
 MAX_EFFECTS = 4
 
