@@ -1,4 +1,8 @@
-"""Compilation of the few loops that numpy cannot express without Python in the middle (numba)."""
+"""Compilation of the few loops that numpy cannot express without Python in the middle (numba).
+
+Of functions that allocate nothing the arrays that they are given need not be counted in and out (`lean`), and the
+smallest are put into the functions that call them (`within`): both cost more than the few sums that these do.
+"""
 
 from __future__ import annotations
 
@@ -13,10 +17,20 @@ REORDERED = {"reassoc", "contract", "arcp", "nsz"}
 F = TypeVar("F", bound=Callable[..., object])
 
 
-def compiled(function: F) -> F:
+def compiled(function: F, **options: bool) -> F:
     """The function compiled at its first call; the machine code is kept beside the source, in NUMBA_CACHE_DIR or in
     the user's cache, and where none of them can be written it is compiled anew in every process."""
     try:
-        return cast(F, numba.njit(cache=True, error_model="numpy", fastmath=REORDERED)(function))
+        return cast(F, numba.njit(cache=True, error_model="numpy", fastmath=REORDERED, **options)(function))
     except RuntimeError:  # numba found no place to keep the code
-        return cast(F, numba.njit(error_model="numpy", fastmath=REORDERED)(function))
+        return cast(F, numba.njit(error_model="numpy", fastmath=REORDERED, **options)(function))
+
+
+def lean(function: F) -> F:
+    """As `compiled`, for a function that allocates nothing."""
+    return compiled(function, _nrt=False)
+
+
+def within(function: F) -> F:
+    """As `lean`, for one that is part of an inner loop."""
+    return compiled(function, _nrt=False, forceinline=True)

@@ -1,341 +1,147 @@
 """The compiled pass over all lanes: exact between contact events, events located inside an interval.
 
-States and inputs together are one vector z whose rate is linear in it, ż = N·z, in every contact state: the motor's
-motion is a polynomial (each derivative's rate is the next), constants stay, forces given as curves change at a
-constant rate within an interval. The first n rows of exp(N·h) carry the state over a whole interval. Where a
-contact state changes within it, the Taylor series of z gives the time of the event, and the rest of the interval is
-done in the new contact state. Contact states of a gap: 0 lower flank, 1 in the gap, 2 upper flank.
+The first n rows of exp(N·h) carry states and inputs z over a whole interval (``driven_exponential``). Where a contact
+state changes within it, the Taylor series of z gives the time of the event, and the rest of the interval is done in the
+new contact state (``driven_contact``).
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from service.dynamics.compiled import compiled
+from service.dynamics.compiled import compiled, lean, within
+from service.dynamics.driven_contact import (
+    contact_modes,
+    entries,
+    mode_number,
+    same,
+    through_piece,
+)
+from service.dynamics.driven_exponential import (
+    REACH,
+    J,
+    doubled,
+    exponential,
+    rate_matrix,
+    rate_of,
+    terms,
+)
 from service.recording import FloatArray
-
-ORDER = 36
-"""Terms of a Taylor series over at most REACH time constants: 4^37/37! is 1e-21."""
-
-REACH = 4.0
 
 HOPELESS = 1e4
 """Time constants per interval from which on a parameter set is no machine; its states are NaN."""
 
-EVENTS = 8
-"""Contact events within one piece of an interval; more is chatter below the sensor's noise."""
-
-J = 5
+KNOWN = 32
+"""Contact states whose exponentials are kept; when there are more, they are found again."""
 
 
-@compiled
-def rate_matrix(A, B, approach, push, law, modes, Q, X):
-    """N's first n rows: A, B and the flanks in contact."""
-    n, U = B.shape
-    N = np.zeros((n, n + U))
-    N[:, :n] = A
-    N[:, n:] = B
-    for g in range(approach.shape[0]):
-        if modes[g] == 1:
-            continue
-        side = 0 if modes[g] == 0 else 1
-        row = force_row(A, approach[g, side], law[g], n, Q, X)
-        for i in range(n):
-            if push[g, side, i] != 0.0:
-                N[i] += push[g, side, i] * row
-    return N
-
-
-@compiled
-def rate_of(row, A, n, Q, X):
-    """The rate of a linear form of positions, as a linear form."""
-    out = np.zeros_like(row)
-    U = len(row) - n
+@within
+def product(E, which, z, n, out):
+    """The states a time later, into out."""
     for i in range(n):
-        if row[i] != 0.0:
-            out[:n] += row[i] * A[i]
-    for x in range(X):
-        for j in range(J - 1):
-            out[n + x * J + j + 1] += row[n + x * J + j]
-    for q in range(Q):
-        out[n + U - Q + q] += row[n + U - 2 * Q + q]
-    return out
+        total = 0.0
+        for w in range(len(z)):
+            total += E[which, i, w] * z[w]
+        out[i] = total
 
 
-@compiled
-def force_row(A, row, law, n, Q, X):
-    """k·δ + d·δ̇ of a flank as a linear form; without a damper δ may be a form of speeds too."""
-    if law[1] == 0.0:
-        return law[0] * row
-    return law[0] * row + law[1] * rate_of(row, A, n, Q, X)
-
-
-@compiled
-def inputs_rate(z, n, Q, X, out):
-    """The rates of z's inputs, which no state drives, into out[n:]."""
-    U = len(z) - n
-    out[n:] = 0.0
-    for x in range(X):
-        for j in range(J - 1):
-            out[n + x * J + j] = z[n + x * J + j + 1]
-    for q in range(Q):
-        out[n + U - 2 * Q + q] = z[n + U - Q + q]
-
-
-@compiled
-def terms(reach):
-    """How many terms a series over `reach` time constants needs, at most ORDER."""
-    size, order = 1.0, 0
-    while size > 1e-15 and order < ORDER:
-        order += 1
-        size *= reach / order
-    return max(order, J + 1)
-
-
-@compiled
-def shifted_inputs(B, n, Q, X):
-    """B times the inputs' own rate matrix, in place: each input's column moves on to the input that drives it."""
-    U = B.shape[1]
-    for i in range(n):
-        for x in range(X):
-            for j in range(J - 1, 0, -1):
-                B[i, x * J + j] = B[i, x * J + j - 1]
-            B[i, x * J] = 0.0
-        for k in range(X * J, U - 2 * Q):
-            B[i, k] = 0.0
-        for q in range(Q):
-            B[i, U - Q + q] = B[i, U - 2 * Q + q]
-            B[i, U - 2 * Q + q] = 0.0
-
-
-@compiled
-def exponential(N, n, Q, X, dt, order):
-    """First n rows of exp(N·dt) by its series; positions' rates are the speeds that follow them."""
-    W = N.shape[1]
-    E, term, new = np.zeros((n, W)), np.zeros((n, W)), np.zeros((n, W))
-    for i in range(n):
-        term[i, i] = 1.0
-        E[i, i] = 1.0
-    drive, size = N[:, n:].copy(), 1.0
-    for k in range(1, order + 1):
-        for i in range(0, n, 2):
-            new[i] = term[i + 1]
-            new[i + 1] = 0.0
-            for r in range(n):
-                if N[i + 1, r] != 0.0:
-                    for w in range(W):
-                        new[i + 1, w] += N[i + 1, r] * term[r, w]
-        if k <= J + 1:
-            for i in range(n):
-                for w in range(W - n):
-                    new[i, n + w] += drive[i, w] * size
-            shifted_inputs(drive, n, Q, X)
-            size *= dt / k
-        for i in range(n):
-            for w in range(W):
-                term[i, w] = new[i, w] * (dt / k)
-                E[i, w] += term[i, w]
-    return E
-
-
-@compiled
-def doubled(E, n, Q, X, dt, times):
-    """Rows of exp(N·dt·2^times) from those of exp(N·dt)."""
-    E = E.copy()
-    U = E.shape[1] - n
-    low = np.eye(U)
-    for x in range(X):
-        for j in range(J):
-            size = 1.0
-            for i in range(j + 1, J):
-                size *= dt / (i - j)
-                low[x * J + j, x * J + i] = size
-    for q in range(Q):
-        low[U - 2 * Q + q, U - Q + q] = dt
-    for _ in range(times):
-        Ex, Eu = np.ascontiguousarray(E[:, :n]), np.ascontiguousarray(E[:, n:])
-        E[:, :n] = Ex @ Ex
-        E[:, n:] = Ex @ Eu + Eu @ low
-        low = low @ low
-    return E
-
-
-@compiled
-def form(row, z):
-    """A linear form of z; short ones are summed faster here than by a library call."""
-    total = 0.0
-    for w in range(len(z)):
-        total += row[w] * z[w]
-    return total
-
-
-@compiled
-def curve_value(of, place, table, z):
-    """A curve at the present state, straight between its points, held beyond its ends."""
-    at = (form(of, z) - place[0]) / place[1]
-    last = len(table) - 1
-    if not at > 0.0:
-        return table[0]
-    if at >= last:
-        return table[last]
-    i = int(at)
-    return table[i] + (at - i) * (table[i + 1] - table[i])
-
-
-@compiled
-def pressed(approach, rates, z):
-    """What is positive while a flank touches and pushes: the lesser of its approach and of its force over k."""
-    delta = form(approach, z)
-    return min(delta, delta + form(rates, z))
-
-
-@compiled
-def contact_modes(approach, rates, z, out):
-    """Contact states of all gaps into out."""
-    for g in range(len(out)):
-        if pressed(approach[g, 1], rates[g, 1], z) > 0.0:
-            out[g] = 2
-        elif pressed(approach[g, 0], rates[g, 0], z) > 0.0:
-            out[g] = 0
-        else:
-            out[g] = 1
-
-
-@compiled
-def mode_number(modes):
-    """Contact states of all gaps as one number."""
-    number = 0
-    for g in range(len(modes) - 1, -1, -1):
-        number = 3 * number + modes[g]
-    return number
-
-
-@compiled
-def series(N, z, n, Q, X, order):
-    """Taylor coefficients of z: (order + 1, n + U)."""
-    W = len(z)
-    D = np.zeros((order + 1, W))
-    D[0] = z
-    for i in range(order):
-        inputs_rate(D[i], n, Q, X, D[i + 1])
-        for r in range(0, n, 2):
-            D[i + 1, r] = D[i, r + 1]
-            total = 0.0
-            for w in range(W if i <= J else n):
-                total += N[r + 1, w] * D[i, w]
-            D[i + 1, r + 1] = total
-        for w in range(W if i <= J else n):
-            D[i + 1, w] /= i + 1
-    return D
-
-
-@compiled
-def value_at(coefficients, t):
-    """Horner's rule for one polynomial."""
-    total = coefficients[-1]
-    for i in range(len(coefficients) - 2, -1, -1):
-        total = total * t + coefficients[i]
-    return total
-
-
-@compiled
-def state_at(D, t, z):
-    """Horner's rule for the whole of z, into z."""
-    z[:] = D[-1]
-    for i in range(len(D) - 2, -1, -1):
-        z *= t
-        z += D[i]
-
-
-@compiled
-def lesser(delta, force, t):
-    """`pressed` from the polynomials of approach and force."""
-    return min(value_at(delta, t), value_at(force, t))
-
-
-@compiled
-def crossing(delta, force, left):
-    """First time in [0, left] at which `pressed` changes its sign: quarters, then regula falsi and halving."""
-    begin = lesser(delta, force, 0.0)
-    a, fa = 0.0, begin
-    b, fb = left, begin
-    for quarter in range(1, 5):
-        b = left * quarter / 4.0
-        fb = lesser(delta, force, b)
-        if (fb > 0.0) != (begin > 0.0):
-            break
-        a, fa = b, fb
-    if (fb > 0.0) == (begin > 0.0):
-        return left
-    for trial in range(60):
-        t = b - fb * (b - a) / (fb - fa) if trial % 3 < 2 else 0.5 * (a + b)
-        if not a < t < b:
-            t = 0.5 * (a + b)
-        f = lesser(delta, force, t)
-        if (f > 0.0) == (fb > 0.0):
-            b, fb = t, f
-            fa *= 0.5
-        else:
-            a, fa = t, f
-            fb *= 0.5
-        if b - a <= 1e-10 * left:
-            break
-    return b
-
-
-@compiled
-def carried(E, z, n, Q, X, dt, out):
-    """z a time dt later, in one contact state whose exp(N·dt) has the first n rows E, into out."""
-    for i in range(n):
-        out[i] = form(E[i], z)
-    out[n:] = z[n:]
+@within
+def later_inputs(z, n, Q, X, dt, out):
+    """The inputs a time dt later, into out."""
     for x in range(X):
         for j in range(J - 1):
             total = z[n + x * J + J - 1]
             for i in range(J - 2, j - 1, -1):
                 total = total * dt / (i - j + 1) + z[n + x * J + i]
             out[n + x * J + j] = total
-    U = len(z) - n
+        out[n + x * J + J - 1] = z[n + x * J + J - 1]
+    values = len(z) - 2 * Q
     for q in range(Q):
-        out[n + U - 2 * Q + q] += dt * z[n + U - Q + q]
+        out[values + q] = z[values + q] + dt * z[values + Q + q]
+        out[values + Q + q] = z[values + Q + q]
+
+
+@within
+def curve_value(curves, q, z):
+    """A curve at the present state, straight between its points, held beyond its ends."""
+    place, many, size, range_of, table = curves
+    value = 0.0
+    for m in range(many[q, 0]):
+        value += size[q, 0, m] * z[place[q, 0, m]]
+    at = (value - range_of[q, 0]) / range_of[q, 1]
+    last = table.shape[1] - 1
+    if not at > 0.0:
+        return table[q, 0]
+    if at >= last:
+        return table[q, last]
+    i = int(at)
+    return table[q, i] + (at - i) * (table[q, i + 1] - table[q, i])
 
 
 @compiled
-def through_piece(A, B, approach, rates, push, law, z, modes, left, Q, X, order):
-    """Carry z over a piece of an interval through the contact events in it; z and modes change in place."""
-    n = A.shape[0]
-    end = modes.copy()
-    for _ in range(EVENTS):
-        N = rate_matrix(A, B, approach, push, law, modes, Q, X)
-        D = series(N, z, n, Q, X, order)
-        state_at(D, left, z)
-        contact_modes(approach, rates, z, end)
-        first, at = left, -1
-        for g in range(len(modes)):
-            if end[g] == modes[g]:
-                continue
-            side = modes[g] // 2 if modes[g] != 1 else end[g] // 2
-            delta = D @ approach[g, side]
-            force = delta + D @ rates[g, side]
-            touching = lesser(delta, force, 0.0) > 0.0
-            t = crossing(delta, force, left) if touching == (modes[g] != 1) else 0.0
-            if at < 0 or t < first:
-                first, at = t, g
-        if at < 0:
-            return
-        state_at(D, first, z)
-        modes[at] = 1 if modes[at] != 1 else end[at]
-        left -= first
-        if left <= 0.0:
-            return
-    N = rate_matrix(A, B, approach, push, law, modes, Q, X)
-    state_at(series(N, z, n, Q, X, order), left, z)
+def alike(first, second):
+    """Whether two arrays are the same."""
+    a, b = first.ravel(), second.ravel()
+    for i in range(len(a)):
+        if a[i] != b[i]:
+            return False
+    return True
+
+
+@lean
+def sees_inputs(place, many, n, constants, values):
+    """Whether any of the forms (G, 2, M) has an entry of an input that changes."""
+    for g in range(many.shape[0]):
+        for side in range(2):
+            for m in range(many[g, side]):
+                w = place[g, side, m]
+                if n <= w < constants or w >= values:
+                    return True
+    return False
 
 
 @compiled
-def same(first, second):
-    """Whether all contact states are the same."""
-    return bool(np.all(first == second))
+def forced_forms(A, approach, law, Q, X):
+    """Every flank's force over k as a linear form (G, 2, W): δ + d/k·δ̇."""
+    n, forced, rate = A.shape[0], approach.copy(), np.zeros(approach.shape[2])
+    for g in range(approach.shape[0]):
+        if law[g, 1] != 0.0:
+            for side in range(2):
+                rate_of(approach[g, side], A, n, Q, X, rate)
+                for w in range(len(rate)):
+                    forced[g, side, w] += law[g, 1] / law[g, 0] * rate[w]
+    return forced
+
+
+@compiled
+def slot_of(machine, modes, sizes, pace, store):
+    """Where the exponentials of a contact state are kept; they are found if they are not there yet."""
+    A, B, push, law, forced = machine
+    n, Q, X, order = sizes
+    dt, halvings = pace
+    slots, count, part, whole = store
+    number = mode_number(modes)
+    if slots[number] < 0:
+        if count[0] == len(part):
+            slots[:] = -1
+            count[0] = 0
+        slot = count[0]
+        N = np.zeros((n, part.shape[2]))
+        rate_matrix(A, B, push, law, forced, modes, N)
+        exponential(N, n, Q, X, dt, order, part[slot])
+        whole[slot] = part[slot]
+        doubled(whole[slot], n, Q, X, dt, halvings)
+        slots[number] = slot
+        count[0] += 1
+    return slots[number]
+
+
+@compiled
+def new_store(G, n, W):
+    """An empty store of exponentials: slot of every contact state, how many, over a piece, over a whole interval."""
+    room = min(3**G, KNOWN)
+    slots, count = np.full(3**G, -1, dtype=np.int64), np.zeros(1, dtype=np.int64)
+    return slots, count, np.zeros((room, n, W)), np.zeros((room, n, W))
 
 
 @compiled
@@ -353,19 +159,34 @@ def propagate(
     fastest: FloatArray,
 ) -> FloatArray:
     """States (S, T, K + 1, n) of all lanes; arguments as in driven_propagation.run, law (S, G, 2) being k and d, and
-    curves their linear forms (S, Q, n + U), first point and spacing (S, Q, 2) and tables (S, Q, P)."""
+    curves their linear forms (S, Q, n + U), first point and spacing (S, Q, 2) and tables (S, Q, P).
+
+    Sets that differ from the first in their initial states or inputs only have its exponentials.
+    """
     S, T, K = c.shape[:3]
-    n = A.shape[1]
+    n, U = B.shape[1], B.shape[2]
     out = np.empty((S, T, K + 1, n))
+    of_first, of_other = new_store(push.shape[1], n, n + U), new_store(push.shape[1], n, n + U)
     for s in range(S):
+        store = of_first
+        if s > 0 and not (
+            alike(A[s], A[0])
+            and alike(B[s], B[0])
+            and alike(approach[s], approach[0])
+            and alike(push[s], push[0])
+            and alike(law[s], law[0])
+        ):
+            store = of_other
+            store[0][:] = -1
+            store[1][0] = 0
         if fastest[s] * h < HOPELESS:
             machine = (A[s], B[s], approach[s], push[s], law[s])
             one_machine(
                 machine,
                 (curves[0][s], curves[1][s], curves[2][s]),
                 (x0[s], c[s], constants),
-                h,
-                fastest[s],
+                (h, fastest[s]),
+                store,
                 out[s],
             )
         else:
@@ -374,75 +195,71 @@ def propagate(
 
 
 @compiled
-def learn(machine, modes, number, part, whole, pace, Q, X):
-    """The exponentials of one contact state over a piece and over a whole interval, into the stores."""
-    A, B, approach, push, law = machine
-    dt, halvings, order = pace
-    N = rate_matrix(A, B, approach, push, law, modes, Q, X)
-    part[number] = exponential(N, A.shape[0], Q, X, dt, order)
-    whole[number] = doubled(part[number], A.shape[0], Q, X, dt, halvings)
-
-
-@compiled
-def one_machine(machine, curves, motion, h, fastest, out):
+def one_machine(given, tables, motion, pace, store, out):
     """All steps of one parameter set, into out (T, K + 1, n)."""
-    A, B, approach, push, law = machine
-    of, place, table = curves
+    A, B, approach, push, law = given
+    of, range_of, table = tables
     x0, c, constants = motion
+    h, fastest = pace
     T, K = c.shape[:2]
     n, U = B.shape
     G, Q, X = approach.shape[0], of.shape[0], c.shape[2] // J
-    values, slopes = n + U - 2 * Q, n + U - Q
+    moving, values, slopes = n + X * J, n + U - 2 * Q, n + U - Q
     halvings = 0
     while fastest * h > REACH * 2.0**halvings:
         halvings += 1
     pieces = 2**halvings
     dt = h / pieces
     order = terms(fastest * dt)
-    rates = np.zeros((G, 2, n + U))
-    for g in range(G):
-        for side in range(2):
-            if law[g, 1] != 0.0:
-                rates[g, side] = law[g, 1] / law[g, 0] * rate_of(approach[g, side], A, n, Q, X)
-    whole, part = np.zeros((3**G, n, n + U)), np.zeros((3**G, n, n + U))
-    known = np.zeros(3**G, dtype=np.bool_)
-    pace = (dt, halvings, order)
+    forced = forced_forms(A, approach, law, Q, X)
+    machine, sizes, pieced = (A, B, push, law, forced), (n, Q, X, order), (dt, halvings)
+    flanks = entries(approach, forced)
+    bent = np.zeros((Q, 2, n + U))
+    bent[:, 0] = of
+    bent_place, bent_many, bent_size, _ = entries(bent, bent)
+    curves = (bent_place, bent_many, bent_size, range_of, table)
+    watched = sees_inputs(flanks[0], flanks[1], n, moving, values) or sees_inputs(
+        bent_place, bent_many, n, moving, values
+    )
     modes, end = np.zeros(G, dtype=np.int64), np.zeros(G, dtype=np.int64)
     z, new = np.zeros(n + U), np.zeros(n + U)
+    course = np.zeros((order + 1, 2))
+    scratch = (np.zeros((n, n + U)), np.zeros((order + 1, n + U)), course, np.zeros(G, dtype=np.int64))
+    whole, part = store[3], store[2]
     for t in range(T):
         z[:n] = x0[t]
-        z[n : n + X * J] = c[t, 0]
-        z[n + X * J : values] = constants[t]
+        z[n:moving] = c[t, 0]
+        z[moving:values] = constants[t]
+        new[moving:values] = constants[t]
         out[t, 0] = x0[t]
-        contact_modes(approach, rates, z, modes)
+        contact_modes(flanks, z, modes)
+        slot = slot_of(machine, modes, sizes, pieced, store)
         for k in range(K):
-            number = mode_number(modes)
-            if not known[number]:
-                learn(machine, modes, number, part, whole, pace, Q, X)
-                known[number] = True
-            z[n : n + X * J] = c[t, k]
+            for w in range(moving - n):
+                z[n + w] = c[t, k, w]
             for q in range(Q):
-                z[values + q] = curve_value(of[q], place[q], table[q], z)
+                z[values + q] = curve_value(curves, q, z)
                 z[slopes + q] = 0.0
-            carried(whole[number], z, n, Q, X, h, new)
+            product(whole, slot, z, n, new)
+            if watched:
+                later_inputs(z, n, Q, X, h, new)
             for q in range(Q):
-                z[slopes + q] = (curve_value(of[q], place[q], table[q], new) - z[values + q]) / h
+                z[slopes + q] = (curve_value(curves, q, new) - z[values + q]) / h
             for q in range(Q):
                 for i in range(n):
-                    new[i] += whole[number, i, slopes + q] * z[slopes + q]
-            contact_modes(approach, rates, new, end)
+                    new[i] += whole[slot, i, slopes + q] * z[slopes + q]
+            contact_modes(flanks, new, end)
             if not same(modes, end):
                 new[:] = z
                 for _ in range(pieces):
-                    number = mode_number(modes)
-                    if not known[number]:
-                        learn(machine, modes, number, part, whole, pace, Q, X)
-                        known[number] = True
-                    carried(part[number], new, n, Q, X, dt, z)
-                    contact_modes(approach, rates, z, end)
+                    product(part, slot, new, n, z)
+                    later_inputs(new, n, Q, X, dt, z)
+                    contact_modes(flanks, z, end)
                     if same(modes, end):
                         new[:] = z
                     else:
-                        through_piece(A, B, approach, rates, push, law, new, modes, dt, Q, X, order)
-            z[:n] = new[:n]
-            out[t, k + 1] = new[:n]
+                        through_piece(machine, flanks, sizes, new, modes, dt, scratch)
+                        slot = slot_of(machine, modes, sizes, pieced, store)
+            for i in range(n):
+                z[i] = new[i]
+                out[t, k + 1, i] = new[i]

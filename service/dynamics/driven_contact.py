@@ -1,0 +1,161 @@
+"""Contact states of gaps, and the events in which they change within a piece of an interval.
+
+Contact states of a gap: 0 lower flank, 1 in the gap, 2 upper flank. A flank's approach δ and its force over k are linear
+forms of z of few entries; a form is kept as the list of these.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from service.dynamics.compiled import compiled, lean, within
+from service.dynamics.driven_exponential import rate_matrix, series, state_at
+
+EVENTS = 8
+"""Contact events within one piece of an interval; more is chatter below the sensor's noise."""
+
+
+@compiled
+def entries(approach, forced):
+    """Where the forms of every flank (G, 2, W) have entries (G, 2, M), how many (G, 2), and both forms' there."""
+    G, W = approach.shape[0], approach.shape[2]
+    place, many = np.zeros((G, 2, W), dtype=np.int64), np.zeros((G, 2), dtype=np.int64)
+    delta, force = np.zeros((G, 2, W)), np.zeros((G, 2, W))
+    for g in range(G):
+        for side in range(2):
+            for w in range(W):
+                if approach[g, side, w] != 0.0 or forced[g, side, w] != 0.0:
+                    m = many[g, side]
+                    place[g, side, m] = w
+                    delta[g, side, m] = approach[g, side, w]
+                    force[g, side, m] = forced[g, side, w]
+                    many[g, side] += 1
+    return place, many, delta, force
+
+
+@within
+def touching(flanks, g, side, z):
+    """Whether a flank touches and pushes: whether its approach and its force are both positive."""
+    place, many, delta, force = flanks
+    near, push = 0.0, 0.0
+    for m in range(many[g, side]):
+        value = z[place[g, side, m]]
+        near += delta[g, side, m] * value
+        push += force[g, side, m] * value
+    return near > 0.0 and push > 0.0
+
+
+@within
+def contact_modes(flanks, z, out):
+    """Contact states of all gaps into out."""
+    for g in range(len(out)):
+        if touching(flanks, g, 1, z):
+            out[g] = 2
+        elif touching(flanks, g, 0, z):
+            out[g] = 0
+        else:
+            out[g] = 1
+
+
+@within
+def same(first, second):
+    """Whether all contact states are the same."""
+    for g in range(len(first)):
+        if first[g] != second[g]:
+            return False
+    return True
+
+
+@within
+def mode_number(modes):
+    """Contact states of all gaps as one number."""
+    number = 0
+    for g in range(len(modes) - 1, -1, -1):
+        number = 3 * number + modes[g]
+    return number
+
+
+@within
+def lesser(polynomials, many, t):
+    """The lesser of the polynomials of approach and force: positive while a flank touches and pushes."""
+    near, push = polynomials[many - 1, 0], polynomials[many - 1, 1]
+    for i in range(many - 2, -1, -1):
+        near = near * t + polynomials[i, 0]
+        push = push * t + polynomials[i, 1]
+    return min(near, push)
+
+
+@lean
+def crossing(polynomials, many, left):
+    """First time in [0, left] at which `lesser` changes its sign: quarters, then regula falsi and halving."""
+    begin = lesser(polynomials, many, 0.0)
+    a, fa = 0.0, begin
+    b, fb = left, begin
+    for quarter in range(1, 5):
+        b = left * quarter / 4.0
+        fb = lesser(polynomials, many, b)
+        if (fb > 0.0) != (begin > 0.0):
+            break
+        a, fa = b, fb
+    if (fb > 0.0) == (begin > 0.0):
+        return left
+    for trial in range(60):
+        t = b - fb * (b - a) / (fb - fa) if trial % 3 < 2 else 0.5 * (a + b)
+        if not a < t < b:
+            t = 0.5 * (a + b)
+        f = lesser(polynomials, many, t)
+        if (f > 0.0) == (fb > 0.0):
+            b, fb = t, f
+            fa *= 0.5
+        else:
+            a, fa = t, f
+            fb *= 0.5
+        if b - a <= 1e-10 * left:
+            break
+    return b
+
+
+@lean
+def polynomials_of(flanks, g, side, D, many, out):
+    """Approach and force of a flank along a series, into out (…, 2)."""
+    place, entries, delta, force = flanks
+    for i in range(many):
+        near, push = 0.0, 0.0
+        for m in range(entries[g, side]):
+            value = D[i, place[g, side, m]]
+            near += delta[g, side, m] * value
+            push += force[g, side, m] * value
+        out[i, 0], out[i, 1] = near, push
+
+
+@lean
+def through_piece(machine, flanks, sizes, z, modes, left, scratch):
+    """Carry z over a piece of an interval through the contact events in it; z and modes change in place."""
+    A, B, push, law, forced = machine
+    n, Q, X, order = sizes
+    N, D, course, end = scratch
+    for _ in range(EVENTS):
+        rate_matrix(A, B, push, law, forced, modes, N)
+        many = series(N, z, n, Q, X, left, order, D)
+        state_at(D, many, n, left, z)
+        contact_modes(flanks, z, end)
+        first, at = left, -1
+        for g in range(len(modes)):
+            if end[g] == modes[g]:
+                continue
+            side = modes[g] // 2 if modes[g] != 1 else end[g] // 2
+            polynomials_of(flanks, g, side, D, many, course)
+            touched = lesser(course, many, 0.0) > 0.0
+            t = crossing(course, many, left) if touched == (modes[g] != 1) else 0.0
+            if at < 0 or t < first:
+                first, at = t, g
+        if at < 0:
+            return
+        state_at(D, many, n, first, z)
+        modes[at] = 1 if modes[at] != 1 else end[at]
+        left -= first
+        if left <= 0.0:
+            return
+    rate_matrix(A, B, push, law, forced, modes, N)
+    many = series(N, z, n, Q, X, left, order, D)
+    state_at(D, many, n, left, z)

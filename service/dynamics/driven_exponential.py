@@ -1,0 +1,191 @@
+"""How one contact state carries states and inputs over an interval: exp(N·h), and its Taylor series at one place.
+
+States and inputs together are one vector z (W,) whose rate is linear in it, ż = N·z: the motor's motion is a polynomial
+(each derivative's rate is the next), constants stay, forces given as curves change at a constant rate within an
+interval. Of N and of its exponential only the states' n rows are kept.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from service.dynamics.compiled import compiled, lean
+
+ORDER = 36
+"""Terms of a Taylor series over at most REACH time constants: 4^37/37! is 1e-21."""
+
+REACH = 4.0
+
+SMALLEST = 1e-18
+"""Term of a speed over the speed at which a series ends: a hundredth of what rounding leaves of it."""
+
+J = 5
+
+
+@lean
+def rate_matrix(A, B, push, law, forced, modes, N):
+    """N's first n rows into N (n, W): A, B and the flanks in contact, whose forces are k times the forms `forced`."""
+    n = A.shape[0]
+    for i in range(n):
+        for w in range(n):
+            N[i, w] = A[i, w]
+        for w in range(B.shape[1]):
+            N[i, n + w] = B[i, w]
+    for g in range(len(modes)):
+        if modes[g] == 1:
+            continue
+        side = modes[g] // 2
+        for i in range(n):
+            if push[g, side, i] != 0.0:
+                size = push[g, side, i] * law[g, 0]
+                for w in range(N.shape[1]):
+                    N[i, w] += size * forced[g, side, w]
+
+
+@lean
+def rate_of(row, A, n, Q, X, out):
+    """The rate of a linear form of positions, as a linear form, into out (W,)."""
+    out[:] = 0.0
+    U = len(row) - n
+    for i in range(n):
+        if row[i] != 0.0:
+            for j in range(n):
+                out[j] += row[i] * A[i, j]
+    for x in range(X):
+        for j in range(J - 1):
+            out[n + x * J + j + 1] += row[n + x * J + j]
+    for q in range(Q):
+        out[n + U - Q + q] += row[n + U - 2 * Q + q]
+
+
+@lean
+def terms(reach):
+    """How many terms a series over `reach` time constants needs, at most ORDER."""
+    size, order = 1.0, 0
+    while size > 1e-15 and order < ORDER:
+        order += 1
+        size *= reach / order
+    return max(order, J + 1)
+
+
+@lean
+def shifted_inputs(B, n, Q, X):
+    """B times the inputs' own rate matrix, in place: each input's column moves on to the input that drives it."""
+    U = B.shape[1]
+    for i in range(n):
+        for x in range(X):
+            for j in range(J - 1, 0, -1):
+                B[i, x * J + j] = B[i, x * J + j - 1]
+            B[i, x * J] = 0.0
+        for k in range(X * J, U - 2 * Q):
+            B[i, k] = 0.0
+        for q in range(Q):
+            B[i, U - Q + q] = B[i, U - 2 * Q + q]
+            B[i, U - 2 * Q + q] = 0.0
+
+
+@compiled
+def exponential(N, n, Q, X, dt, order, E):
+    """First n rows of exp(N·dt) by its series into E; positions' rates are the speeds that follow them."""
+    W = N.shape[1]
+    term, new, drive, size = np.zeros((n, W)), np.zeros((n, W)), N[:, n:].copy(), 1.0
+    E[:] = 0.0
+    for i in range(n):
+        term[i, i] = 1.0
+        E[i, i] = 1.0
+    for k in range(1, order + 1):
+        for i in range(0, n, 2):
+            for w in range(W):
+                new[i, w] = term[i + 1, w]
+                new[i + 1, w] = 0.0
+            for r in range(n):
+                if N[i + 1, r] != 0.0:
+                    for w in range(W):
+                        new[i + 1, w] += N[i + 1, r] * term[r, w]
+        if k <= J + 1:
+            for i in range(n):
+                for w in range(W - n):
+                    new[i, n + w] += drive[i, w] * size
+            shifted_inputs(drive, n, Q, X)
+            size *= dt / k
+        for i in range(n):
+            for w in range(W):
+                term[i, w] = new[i, w] * (dt / k)
+                E[i, w] += term[i, w]
+
+
+@lean
+def inputs_exponential(U, Q, X, dt, low):
+    """exp of the inputs' own rate matrix times dt, into low (U, U)."""
+    low[:] = 0.0
+    for i in range(U):
+        low[i, i] = 1.0
+    for x in range(X):
+        for j in range(J):
+            size = 1.0
+            for i in range(j + 1, J):
+                size *= dt / (i - j)
+                low[x * J + j, x * J + i] = size
+    for q in range(Q):
+        low[U - 2 * Q + q, U - Q + q] = dt
+
+
+@compiled
+def doubled(E, n, Q, X, dt, times):
+    """Rows of exp(N·dt·2^times) from those of exp(N·dt), in place."""
+    W = E.shape[1]
+    old, low = np.zeros((n, W)), np.zeros((W - n, W - n))
+    for time in range(times):
+        inputs_exponential(W - n, Q, X, dt * 2.0**time, low)
+        old[:] = E
+        E[:] = 0.0
+        for i in range(n):
+            for r in range(n):
+                for w in range(W):
+                    E[i, w] += old[i, r] * old[r, w]
+            for r in range(W - n):
+                if old[i, n + r] != 0.0:
+                    for w in range(r, W - n):
+                        E[i, n + w] += old[i, n + r] * low[r, w]
+
+
+@lean
+def series(N, z, n, Q, X, reach, order, D):
+    """Taylor coefficients of z into D; how many there are, the last being too small to matter at the time `reach`."""
+    W, power, quiet = len(z), 1.0, 0
+    U = W - n
+    for w in range(W):
+        D[0, w] = z[w]
+    for i in range(order):
+        columns = W if i <= J else n
+        for w in range(n, columns):
+            D[i + 1, w] = 0.0
+        if columns == W:
+            for x in range(X):
+                for j in range(J - 1):
+                    D[i + 1, n + x * J + j] = D[i, n + x * J + j + 1] / (i + 1)
+            for q in range(Q):
+                D[i + 1, n + U - 2 * Q + q] = D[i, n + U - Q + q] / (i + 1)
+        power *= reach
+        small = i > J
+        for r in range(0, n, 2):
+            total = 0.0
+            for w in range(columns):
+                total += N[r + 1, w] * D[i, w]
+            D[i + 1, r] = D[i, r + 1] / (i + 1)
+            D[i + 1, r + 1] = total / (i + 1)
+            small = small and abs(D[i + 1, r + 1]) * power <= SMALLEST * abs(z[r + 1])
+        quiet = quiet + 1 if small else 0
+        if quiet == 2:
+            return i + 2
+    return order + 1
+
+
+@lean
+def state_at(D, many, n, t, z):
+    """The series of `many` terms at the time t, into z."""
+    for w in range(len(z)):
+        z[w] = 0.0
+    for i in range(many - 1, -1, -1):
+        for w in range(len(z) if i <= J + 1 else n):
+            z[w] = z[w] * t + D[i, w]
