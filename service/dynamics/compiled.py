@@ -6,8 +6,11 @@ smallest are put into the functions that call them (`within`): both cost more th
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
-from typing import TypeVar, cast
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar, cast
 
 import numba
 
@@ -17,13 +20,23 @@ REORDERED = {"reassoc", "contract", "arcp", "nsz"}
 F = TypeVar("F", bound=Callable[..., object])
 
 
-def compiled(function: F, **options: bool) -> F:
+def compiled(function: F, **options: Any) -> F:
     """The function compiled at its first call; the machine code is kept beside the source, in NUMBA_CACHE_DIR or in
     the user's cache, and where none of them can be written it is compiled anew in every process."""
     try:
-        return cast(F, numba.njit(cache=True, error_model="numpy", fastmath=REORDERED, **options)(function))
+        made: Any = numba.njit(cache=True, error_model="numpy", fastmath=REORDERED, **options)(function)
     except RuntimeError:  # numba found no place to keep the code
         return cast(F, numba.njit(error_model="numpy", fastmath=REORDERED, **options)(function))
+    # By itself numba looks at the function's own file only, and would keep what calls a function changed in another.
+    made._cache._cache_file._source_stamp = sources(Path(__file__).parent)
+    return cast(F, made)
+
+
+@cache
+def sources(folder: Path) -> str:
+    """Digest of all modules that are compiled: code that was made of others is out of date."""
+    texts = (path.read_bytes() for path in sorted(folder.glob("driven_*.py")))
+    return hashlib.sha256(b"".join(text for text in texts if b"dynamics.compiled import" in text)).hexdigest()
 
 
 def lean(function: F) -> F:

@@ -1,36 +1,16 @@
 """Contact states of gaps, and the events in which they change within a piece of an interval.
 
-Contact states of a gap: 0 lower flank, 1 in the gap, 2 upper flank. A flank's approach δ and its force over k are linear
-forms of z of few entries; a form is kept as the list of these.
+Contact states of a gap: 0 lower flank, 1 in the gap, 2 upper flank. A flank's approach δ and its force over k are
+linear forms of z with few entries, which are listed: where they are (2·G, M), how many (2·G,), and both forms' there.
 """
 
 from __future__ import annotations
 
-import numpy as np
-
-from service.dynamics.compiled import compiled, lean, within
+from service.dynamics.compiled import lean, within
 from service.dynamics.driven_exponential import rate_matrix, series, state_at
 
 EVENTS = 8
 """Contact events within one piece of an interval; more is chatter below the sensor's noise."""
-
-
-@compiled
-def entries(approach, forced):
-    """Where the forms of every flank (G, 2, W) have entries (G, 2, M), how many (G, 2), and both forms' there."""
-    G, W = approach.shape[0], approach.shape[2]
-    place, many = np.zeros((G, 2, W), dtype=np.int64), np.zeros((G, 2), dtype=np.int64)
-    delta, force = np.zeros((G, 2, W)), np.zeros((G, 2, W))
-    for g in range(G):
-        for side in range(2):
-            for w in range(W):
-                if approach[g, side, w] != 0.0 or forced[g, side, w] != 0.0:
-                    m = many[g, side]
-                    place[g, side, m] = w
-                    delta[g, side, m] = approach[g, side, w]
-                    force[g, side, m] = forced[g, side, w]
-                    many[g, side] += 1
-    return place, many, delta, force
 
 
 @within
@@ -38,10 +18,10 @@ def touching(flanks, g, side, z):
     """Whether a flank touches and pushes: whether its approach and its force are both positive."""
     place, many, delta, force = flanks
     near, push = 0.0, 0.0
-    for m in range(many[g, side]):
-        value = z[place[g, side, m]]
-        near += delta[g, side, m] * value
-        push += force[g, side, m] * value
+    for m in range(many[2 * g + side]):
+        value = z[place[2 * g + side, m]]
+        near += delta[2 * g + side, m] * value
+        push += force[2 * g + side, m] * value
     return near > 0.0 and push > 0.0
 
 
@@ -60,10 +40,10 @@ def contact_modes(flanks, z, out):
 @within
 def same(first, second):
     """Whether all contact states are the same."""
+    alike = True
     for g in range(len(first)):
-        if first[g] != second[g]:
-            return False
-    return True
+        alike = alike and first[g] == second[g]
+    return alike
 
 
 @within
@@ -121,10 +101,10 @@ def polynomials_of(flanks, g, side, D, many, out):
     place, entries, delta, force = flanks
     for i in range(many):
         near, push = 0.0, 0.0
-        for m in range(entries[g, side]):
-            value = D[i, place[g, side, m]]
-            near += delta[g, side, m] * value
-            push += force[g, side, m] * value
+        for m in range(entries[2 * g + side]):
+            value = D[i, place[2 * g + side, m]]
+            near += delta[2 * g + side, m] * value
+            push += force[2 * g + side, m] * value
         out[i, 0], out[i, 1] = near, push
 
 

@@ -7,9 +7,7 @@ interval. Of N and of its exponential only the states' n rows are kept.
 
 from __future__ import annotations
 
-import numpy as np
-
-from service.dynamics.compiled import compiled, lean
+from service.dynamics.compiled import lean
 
 ORDER = 36
 """Terms of a Taylor series over at most REACH time constants: 4^37/37! is 1e-21."""
@@ -20,6 +18,7 @@ SMALLEST = 1e-18
 """Term of a speed over the speed at which a series ends: a hundredth of what rounding leaves of it."""
 
 J = 5
+"""Derivatives of the motor's position in one interval, position and speed the first two."""
 
 
 @lean
@@ -40,22 +39,6 @@ def rate_matrix(A, B, push, law, forced, modes, N):
                 size = push[g, side, i] * law[g, 0]
                 for w in range(N.shape[1]):
                     N[i, w] += size * forced[g, side, w]
-
-
-@lean
-def rate_of(row, A, n, Q, X, out):
-    """The rate of a linear form of positions, as a linear form, into out (W,)."""
-    out[:] = 0.0
-    U = len(row) - n
-    for i in range(n):
-        if row[i] != 0.0:
-            for j in range(n):
-                out[j] += row[i] * A[i, j]
-    for x in range(X):
-        for j in range(J - 1):
-            out[n + x * J + j + 1] += row[n + x * J + j]
-    for q in range(Q):
-        out[n + U - Q + q] += row[n + U - 2 * Q + q]
 
 
 @lean
@@ -84,24 +67,22 @@ def shifted_inputs(B, n, Q, X):
             B[i, U - 2 * Q + q] = 0.0
 
 
-@compiled
-def exponential(N, n, Q, X, dt, order, E):
-    """First n rows of exp(N·dt) by its series into E; positions' rates are the speeds that follow them."""
-    W = N.shape[1]
-    term, new, drive, size = np.zeros((n, W)), np.zeros((n, W)), N[:, n:].copy(), 1.0
-    E[:] = 0.0
+@lean
+def exponential(N, n, Q, X, dt, order, E, scratch):
+    """First n rows of exp(N·dt) by its series into E; positions' rates are the speeds that follow them.
+
+    scratch : term, new (n, W) and drive (n, U)
+    """
+    term, new, drive = scratch
+    W, size = N.shape[1], 1.0
     for i in range(n):
-        term[i, i] = 1.0
-        E[i, i] = 1.0
+        for w in range(W):
+            term[i, w] = E[i, w] = 0.0
+        for w in range(W - n):
+            drive[i, w] = N[i, n + w]
+        term[i, i] = E[i, i] = 1.0
     for k in range(1, order + 1):
-        for i in range(0, n, 2):
-            for w in range(W):
-                new[i, w] = term[i + 1, w]
-                new[i + 1, w] = 0.0
-            for r in range(n):
-                if N[i + 1, r] != 0.0:
-                    for w in range(W):
-                        new[i + 1, w] += N[i + 1, r] * term[r, w]
+        raised(N, term, n, new)
         if k <= J + 1:
             for i in range(n):
                 for w in range(W - n):
@@ -112,6 +93,20 @@ def exponential(N, n, Q, X, dt, order, E):
             for w in range(W):
                 term[i, w] = new[i, w] * (dt / k)
                 E[i, w] += term[i, w]
+
+
+@lean
+def raised(N, term, n, new):
+    """The states' part of N times a term of the series, into new."""
+    W = N.shape[1]
+    for i in range(0, n, 2):
+        for w in range(W):
+            new[i, w] = term[i + 1, w]
+            new[i + 1, w] = 0.0
+        for r in range(n):
+            if N[i + 1, r] != 0.0:
+                for w in range(W):
+                    new[i + 1, w] += N[i + 1, r] * term[r, w]
 
 
 @lean
@@ -130,15 +125,17 @@ def inputs_exponential(U, Q, X, dt, low):
         low[U - 2 * Q + q, U - Q + q] = dt
 
 
-@compiled
-def doubled(E, n, Q, X, dt, times):
-    """Rows of exp(N·dt·2^times) from those of exp(N·dt), in place."""
+@lean
+def doubled(E, n, Q, X, dt, times, scratch):
+    """Rows of exp(N·dt·2^times) from those of exp(N·dt), in place; scratch : old (n, W) and low (U, U)."""
+    old, low = scratch
     W = E.shape[1]
-    old, low = np.zeros((n, W)), np.zeros((W - n, W - n))
     for time in range(times):
         inputs_exponential(W - n, Q, X, dt * 2.0**time, low)
-        old[:] = E
-        E[:] = 0.0
+        for i in range(n):
+            for w in range(W):
+                old[i, w] = E[i, w]
+                E[i, w] = 0.0
         for i in range(n):
             for r in range(n):
                 for w in range(W):
@@ -151,21 +148,15 @@ def doubled(E, n, Q, X, dt, times):
 
 @lean
 def series(N, z, n, Q, X, reach, order, D):
-    """Taylor coefficients of z into D; how many there are, the last being too small to matter at the time `reach`."""
+    """Taylor coefficients of z into D, whose inputs are 0 from row J + 2 on; how many there are, the last being too
+    small to matter at the time `reach`."""
     W, power, quiet = len(z), 1.0, 0
-    U = W - n
     for w in range(W):
         D[0, w] = z[w]
     for i in range(order):
         columns = W if i <= J else n
-        for w in range(n, columns):
-            D[i + 1, w] = 0.0
-        if columns == W:
-            for x in range(X):
-                for j in range(J - 1):
-                    D[i + 1, n + x * J + j] = D[i, n + x * J + j + 1] / (i + 1)
-            for q in range(Q):
-                D[i + 1, n + U - 2 * Q + q] = D[i, n + U - Q + q] / (i + 1)
+        if i <= J:
+            inputs_rate(D, i, n, Q, X)
         power *= reach
         small = i > J
         for r in range(0, n, 2):
@@ -179,6 +170,19 @@ def series(N, z, n, Q, X, reach, order, D):
         if quiet == 2:
             return i + 2
     return order + 1
+
+
+@lean
+def inputs_rate(D, i, n, Q, X):
+    """The inputs' coefficients of order i + 1 from those of order i."""
+    U = D.shape[1] - n
+    for w in range(n, n + U):
+        D[i + 1, w] = 0.0
+    for x in range(X):
+        for j in range(J - 1):
+            D[i + 1, n + x * J + j] = D[i, n + x * J + j + 1] / (i + 1)
+    for q in range(Q):
+        D[i + 1, n + U - 2 * Q + q] = D[i, n + U - Q + q] / (i + 1)
 
 
 @lean

@@ -20,14 +20,14 @@ U = X·J + C + 2·Q inputs: the motors' c_j, the constants, the curves' values, 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from service.dynamics.driven_kernel import propagate
+from service.dynamics.driven_exponential import ORDER, J
+from service.dynamics.driven_kernel import Arrays, propagate
 from service.recording import FloatArray
-
-J = 5
-"""Derivatives of the motor's position in one interval, position and speed the first two."""
 
 CONSTANTS = 2
 """1 and the direction of the step."""
@@ -145,6 +145,10 @@ def fastest(system: LinearSystem) -> FloatArray:
     return np.asarray(np.sqrt(stiff.sum(axis=2).max(axis=1)) + loss.sum(axis=2).max(axis=1))
 
 
+KNOWN = 32
+"""Contact states whose exponentials are kept; when there are more, they are found again."""
+
+
 def run(system: LinearSystem, x0: FloatArray, c: FloatArray, constants: FloatArray, h: float) -> FloatArray:
     """States at the K + 1 grid points, (S, T, K + 1, n).
 
@@ -155,29 +159,89 @@ def run(system: LinearSystem, x0: FloatArray, c: FloatArray, constants: FloatArr
     constants : (T, C) of each step
     h : grid interval [s]
     """
-    S, n = system.A.shape[:2]
-    Q = len(system.curves)
-    P = max((curve.table.shape[1] for curve in system.curves), default=1)
-    of, onto = np.zeros((S, Q, n + system.B.shape[2])), np.zeros((S, Q, n))
-    place, table = np.zeros((S, Q, 2)), np.zeros((S, Q, P))
-    for q, curve in enumerate(system.curves):
-        of[:, q], onto[:, q] = curve.of, curve.onto
-        place[:, q, 0], place[:, q, 1] = curve.first, curve.width
-        table[:, q] = np.pad(curve.table, ((0, 0), (0, P - curve.table.shape[1])), mode="edge")
-    B = system.B.copy()
-    values = B.shape[2] - 2 * Q
-    for q in range(Q):
-        B[:, :, values + q] += onto[:, q]
-    return propagate(
-        system.A,
-        B,
-        system.approach,
-        system.push,
-        np.stack((system.k, system.d), axis=2),
-        (of, place, table),
-        np.ascontiguousarray(x0, dtype=np.float64),
-        np.ascontiguousarray(c.reshape(*c.shape[:3], -1), dtype=np.float64),
-        np.ascontiguousarray(constants, dtype=np.float64),
+    S, n, U = system.B.shape
+    G = system.k.shape[1]
+    B, of, extent, table = tabulated(system)
+    law, forced = np.stack((system.k, system.d), axis=2), forced_forms(system)
+    flanks = entries(*(form.reshape(S, 2 * G, n + U) for form in (system.approach, forced)))
+    bent = entries(of)
+    out = np.empty((*c.shape[:2], c.shape[2] + 1, n))
+    propagate(
+        (system.A, B, system.push, law, forced),
+        flanks,
+        (*bent, extent, table),
+        (
+            np.ascontiguousarray(x0, dtype=np.float64),
+            np.ascontiguousarray(c.reshape(*c.shape[:3], -1), dtype=np.float64),
+            np.ascontiguousarray(constants, dtype=np.float64),
+        ),
         h,
         fastest(system),
+        (room_for_exponentials(G, n, U), room_for_exponentials(G, n, U)),
+        (*room_for_steps(G, n, U), any(changing(system, *listed[:2]) for listed in (flanks, bent))),
+        out,
     )
+    return out
+
+
+def tabulated(system: LinearSystem) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """B with what the curves add; their forms (S, Q, n + U), first points and spacings (S, Q, 2), tables (S, Q, P)."""
+    S, n, U = system.B.shape
+    Q, P = len(system.curves), max((curve.table.shape[1] for curve in system.curves), default=1)
+    B, of = system.B.copy(), np.zeros((S, Q, n + U))
+    extent, table = np.zeros((S, Q, 2)), np.zeros((S, Q, P))
+    for q, curve in enumerate(system.curves):
+        of[:, q] = curve.of
+        B[:, :, U - 2 * Q + q] += curve.onto
+        extent[:, q, 0], extent[:, q, 1] = curve.first, curve.width
+        table[:, q] = np.pad(curve.table, ((0, 0), (0, P - curve.table.shape[1])), mode="edge")
+    return B, of, extent, table
+
+
+def forced_forms(system: LinearSystem) -> FloatArray:
+    """Every flank's force over k as a linear form (S, G, 2, n + U): δ + d/k·δ̇; without a damper δ may be a form of
+    speeds too."""
+    n, Q = system.n, len(system.curves)
+    rate = np.zeros_like(system.approach)
+    rate[..., :n] = system.approach[..., :n] @ system.A[:, None]
+    for x in range(system.motions):
+        first = n + x * J
+        rate[..., first + 1 : first + J] = system.approach[..., first : first + J - 1]
+    if Q:
+        rate[..., -Q:] += system.approach[..., -2 * Q : -Q]
+    share = np.divide(system.d, system.k, out=np.zeros_like(system.d), where=system.d != 0.0)
+    return np.asarray(system.approach + share[..., None, None] * rate)
+
+
+def entries(*forms: FloatArray) -> Arrays:
+    """Where linear forms (S, R, W) have entries in any set (R, M), how many (R,), and each form's there (S, R, M)."""
+    there = np.any(forms[0], axis=0)
+    for form in forms[1:]:
+        there |= np.any(form, axis=0)
+    place = np.argsort(~there, axis=1, kind="stable")
+    many = there.sum(axis=1)
+    rows = np.arange(len(place))[:, None]
+    return place, many, *(form[:, rows, place] for form in forms)
+
+
+def changing(system: LinearSystem, place: NDArray[Any], many: NDArray[Any]) -> bool:
+    """Whether any of the forms has an entry of an input that changes."""
+    first, last = system.n + system.constant(), system.n + system.B.shape[2] - 2 * len(system.curves)
+    listed = place[np.arange(place.shape[1]) < many[:, None]]
+    return bool(np.any((listed >= system.n) & ((listed < first) | (listed >= last))))
+
+
+def room_for_exponentials(gaps: int, n: int, U: int) -> Arrays:
+    """An empty store: the slot of every contact state, how many there are, exponentials over a piece and a whole."""
+    many = min(3**gaps, KNOWN)
+    slots, count = np.full(3**gaps, -1), np.zeros(1, dtype=np.int64)
+    return slots, count, np.empty((many, n, n + U)), np.empty((many, n, n + U))
+
+
+def room_for_steps(gaps: int, n: int, U: int) -> tuple[Arrays, Arrays, Arrays]:
+    """What a step is computed in: z twice and contact states twice; what exponentials are; what events are."""
+    modes = [np.zeros(gaps, dtype=np.int64) for _ in range(3)]
+    vectors = (np.zeros(n + U), np.zeros(n + U), modes[0], modes[1])
+    exponentials = (*(np.zeros((n, n + U)) for _ in range(3)), np.zeros((n, U)), np.zeros((U, U)))
+    events = (exponentials[0], np.zeros((ORDER + 1, n + U)), np.zeros((ORDER + 1, 2)), modes[2])
+    return vectors, exponentials, events
