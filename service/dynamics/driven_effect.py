@@ -61,6 +61,7 @@ class DrivenEffect:
     states : how many states it adds, positions each followed by its speed; they start at zero
     gaps : how many gaps it adds; motions : how many input motions; curves : how many forces given as curves
     bends_friction : it adds to a guide's tabulated friction
+    contains : effects that it becomes when some of its amounts are zero
     """
 
     axes: tuple[str, ...]
@@ -73,6 +74,7 @@ class DrivenEffect:
     shared_nuisance: ClassVar[tuple[Parameter, ...]] = ()
     shapes: ClassVar[tuple[Mapping[str, float], ...]] = ({},)
     bends_friction: ClassVar[bool] = False
+    contains: ClassVar[tuple[str, ...]] = ()
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

@@ -45,5 +45,6 @@ def explain_axes(
             enough=LEFT_BY_CLEAN,
             further=FURTHER,
             size=lambda trial: len(trial.model.fitted.model.parameters),
+            contains=lambda name: DRIVEN[name].contains,
         )
     return verdict(scene, selection)

@@ -7,7 +7,7 @@ the gain over all held-out blocks is significant after multiplication by the num
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
@@ -99,6 +99,7 @@ def select(
     enough: float = 0.0,
     further: tuple[float, float] | None = None,
     size: Callable[[Trial[ModelT]], int] = lambda _trial: 0,
+    contains: Callable[[str], Sequence[str]] = lambda _name: (),
 ) -> Selection[ModelT]:
     """Add effects one after the other until none is significant and material.
 
@@ -108,7 +109,9 @@ def select(
     led the fit out of a poor valley. ``material`` is the share of the held-out RMS that an effect must remove,
     ``enough`` the RMS of ``left`` at which nothing is left to explain; ``further`` the same two for every effect
     after the first, where what is left may be the fit's own imperfection. ``size`` is a model's number of parameters:
-    of effects that come equally near the one with the fewest is taken.
+    of effects that come equally near the one with the fewest is taken. ``contains`` names the effects that one becomes
+    when some of its numbers are zero: it is passed over for them unless it removes as much more as a further effect
+    must, and it is no rival of theirs.
     """
     present: Trial[ModelT] = before
     taken: tuple[str, ...] = ()
@@ -123,6 +126,16 @@ def select(
             break
         judged = {n: _judge(n, present, trial, len(trials), material) for n, trial in trials.items()}
         passed = [name for name, candidate in judged.items() if candidate.accepted]
+        more = 1.0 - (further or (material, enough))[0]
+        passed = [
+            name
+            for name in passed
+            if all(
+                trials[name].validation_rms < more * trials[inner].validation_rms
+                for inner in contains(name)
+                if inner in passed
+            )
+        ]
         if not passed:
             log = [c for c in log if c.effect not in judged] + list(judged.values())
             break

@@ -38,6 +38,7 @@ class DrivenPositionForce(DrivenEffect):
         Parameter("spring_rate", "1/s²", 0.0, 200.0, logarithmic=False, dose=20.0),
         Parameter("spring_preload", "m/s²", 0.0, 0.5, logarithmic=False, dose=0.05),
     )
+    contains: ClassVar[tuple[str, ...]] = ("constant_force",)
 
     def assemble(self, system: LinearSystem, case: Case, room: Room) -> None:
         for _, axis, x in self.each(case.model):

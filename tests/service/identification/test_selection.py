@@ -49,6 +49,25 @@ def test_of_two_that_come_equally_near_the_smaller_is_taken() -> None:
         assert found.effects == (first,)
 
 
+def test_what_contains_another_is_taken_only_for_a_gain_of_its_own_and_is_no_rival_of_it() -> None:
+    """A spring with a preload becomes a constant force when its rate is zero."""
+
+    def contains(name: str) -> tuple[str, ...]:
+        return ("force",) if name == "spring" else ()
+
+    for rms, first in ((0.5, "force"), (0.3, "spring")):
+        trials = {"force": trial(0.51, 0), "spring": trial(rms, 0)}
+        found = select(
+            trial(1.0, 0),
+            lambda _p, taken, trials=trials: {} if taken else trials,
+            enough=0.6,
+            further=(0.25, 0.6),
+            contains=contains,
+        )
+        assert found.effects == (first,)
+        assert not found.rivals
+
+
 def test_no_gain_has_no_significance() -> None:
     assert gain_p_value(trial(1.0, 0), trial(1.0, 0)) == 1.0
     assert gain_p_value(trial(1.0, 0), trial(0.5, 0)) < 1e-5
