@@ -73,8 +73,10 @@ class TimerScheduler(AbstractScheduler):  # type: ignore[misc]
         return timer
 
     def _call(self, callback: Callable[..., None], args: tuple[Any, ...], kwargs: dict[str, Any]) -> None:
+        timer = threading.current_thread()
+        assert isinstance(timer, threading.Timer)
         with self._lock:
-            if not self._stopped:
+            if not (self._stopped or timer.finished.is_set()):  # cancelled while it waited for the lock
                 callback(*args, **kwargs)
 
     def cancel(self, entry: threading.Timer) -> None:
@@ -116,6 +118,11 @@ class DurandDrive:
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._sync, name="durand drive")
         self._thread.start()
+
+    def end_heartbeat(self) -> None:
+        """No heartbeat from here on; under the lock, lest a timer that runs just now starts the next one."""
+        with get_scheduler().lock:
+            self.od.write(0x1017, 0, 0)
 
     def close(self) -> None:
         self._stop.set()

@@ -308,7 +308,7 @@ def test_a_drive_whose_sync_ends_is_disabled_by_sdo() -> None:
 
 def test_a_drive_whose_heartbeat_ends_is_silent() -> None:
     with machine(replace(CONFIG, heartbeat_patience=0.3)) as (drive, peer, _):
-        peer.od.write(0x1017, 0, 0)
+        peer.end_heartbeat()
         peer.sticks = True  # else a slow machine sees the move end first
         with pytest.raises(errors.NodeSilent, match="no heartbeat for"), drive.enabled():
             drive.start(replace(MOVE, target=2 * pi * 150, relative=False))
