@@ -9,13 +9,14 @@ covariance does not know: the misfit, the scatter of the steps and the spread ov
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from service.backlash.by_products import by_products
 from service.backlash.interval import half_width_95
 from service.backlash.model_fit_data import Measured, measure
+from service.backlash.model_fit_gantry import gantry_fit
 from service.backlash.model_fit_interval import (
     Linearised,
     difference,
@@ -29,7 +30,6 @@ from service.backlash.model_fit_stages import (
     Outcome,
     Staged,
     backlashes,
-    heavier_fit,
     searched_again,
     staged_fit,
 )
@@ -48,7 +48,16 @@ AGAIN = Effort(candidates=320, starts=2, refine=(3, 4, 5), settling=2, seed=2, s
 rate of the speed samples, a machine that is fitted to the end on one reconstruction takes the input's error into
 its parameters, and its reconstruction is worse for it."""
 
-GANTRY = Effort(candidates=1500, tried=12, rounds=(8, 5, 5), heavier=(6,) * 6, refine=(4, 4, 4))
+GANTRY = Effort(
+    candidates=1500,
+    starts=6,
+    tried=24,
+    brief=8,
+    rounds=(8, 6, 6),
+    heavier=(6,) * 6,
+    refine=(5,) * 5,
+    following=(4, 4),
+)
 
 DEGREES = 60
 """Of freedom of the standard error: some dozens of residuals' lengths of correlation hold its influence."""
@@ -72,10 +81,6 @@ POOR = 3.0
 """Misfit of a single axis from which on a local minimum is suspected and the search is done once more."""
 
 
-POOR_GANTRY = 3.0
-"""The same of a gantry, whose minima are many and near each other."""
-
-
 def refused(axis: str, reason: Reason, detail: str, steps: tuple[StepResult, ...] = ()) -> AxisResult:
     """An axis without a value, and why."""
     return AxisResult(axis, "refused", METHOD, reason, detail, steps=steps)
@@ -94,10 +99,8 @@ def model_fit_axes(recording: Recording, axis: str) -> dict[str, AxisResult]:
     if lacking is not None:
         return {axis: lacking}
     measured = measure(recording, axes, range(len(recording.moves)))
-    guesses = {name: closed_form(recording, name) for name in axes}
-    if len(axes) == 2:
-        # The closed form mistakes the partner's pull for the gap; only its compliance is of use here.
-        guesses = {name: Guess(None, guess.compliance, None) for name, guess in guesses.items()}
+    # The closed form mistakes a partner's pull for the gap.
+    guesses = {name: closed_form(recording, name) for name in axes} if len(axes) == 1 else {}
     staged = best_of_attempts(measured, axes, guesses)
     return {name: judged(recording, measured, staged, x) for x, name in enumerate(axes)}
 
@@ -108,16 +111,7 @@ def best_of_attempts(measured: Measured, axes: tuple[str, ...], guesses: dict[st
         found = staged_fit(measured, Model(axes, 2), guesses, SINGLE)
         poor = found.best.fit.misfit > POOR
         return searched_again(measured, found, Model(axes, 2), guesses, AGAIN) if poor else found
-    found = gantry(measured, axes, guesses, GANTRY)
-    if found.best.fit.misfit < POOR_GANTRY:
-        return found
-    again = gantry(measured, axes, guesses, replace(GANTRY, seed=2))
-    return min(found, again, key=lambda staged: staged.best.fit.cost)
-
-
-def gantry(measured: Measured, axes: tuple[str, ...], guesses: dict[str, Guess], effort: Effort) -> Staged:
-    """One search and fit of both axes: one mass per drive, which has fewer minima, then gear and pinion."""
-    return heavier_fit(measured, Model(axes, 1), guesses, effort)
+    return gantry_fit(measured, GANTRY)
 
 
 def unfit_for_use(recording: Recording, axis: str, axes: tuple[str, ...]) -> AxisResult | None:

@@ -18,6 +18,7 @@ from scipy.interpolate import PPoly
 from scipy.linalg import cho_factor, cho_solve
 
 from service.dynamics.driven import Response, simulate
+from service.dynamics.driven_balance import Along, along, balance
 from service.dynamics.driven_model import LINKS, Model, Parameter, Values
 from service.dynamics.driven_motion import StepGrid, between, coefficients
 from service.dynamics.driven_recoil import Recoil
@@ -110,6 +111,7 @@ class Problem:
         empty where it is held
     force : (T, X, K + 1) the force that `motion` was reconstructed with [m/s²]
     recoil, following : how a gantry's motors give way to the model's forces; None: their motion is held
+    seen : the loads' measured motion, along which forces are balanced instead of simulated; None: they are simulated
     """
 
     model: Model
@@ -122,6 +124,7 @@ class Problem:
     force: FloatArray | None = None
     recoil: Recoil | None = None
     following: Following | None = None
+    seen: Along | None = None
 
     @property
     def driven(self) -> Model:
@@ -148,7 +151,13 @@ class Problem:
         force = None if self.force is None else self.force[:n]
         following = None if self.following is None else self.following.first_steps(n)
         few = replace(self, grids=self.grids[:n], motion=self.motion[:n], following=following)
-        return replace(few, echoes=self.echoes[:n], force=force)
+        seen = None if self.seen is None else self.seen.first_steps(n)
+        return replace(few, echoes=self.echoes[:n], force=force, seen=seen)
+
+    def along_measured(self) -> Problem:
+        """The same problem with the forces balanced along the loads' measured motion."""
+        motors = motor_coefficients(self, np.zeros((1, len(self.model.axes))))[0]
+        return replace(self, seen=along(motors, np.stack([g.measured for g in self.grids]), self.grids[0].h))
 
     def fixed_to(self, names: Sequence[str]) -> Problem:
         """The same problem in which only parameters ending in one of `names` are free."""
@@ -258,6 +267,8 @@ def respond_together(
     """`respond`, all sets in one pass."""
     free = values_of(problem.model.parameters, shared)
     values = problem.model.complete(free)
+    if problem.seen is not None:
+        return balanced(problem, values, problem.seen, local)
     skews = np.stack([values[f"{a}.skew"] for a in problem.model.axes], axis=1)
     c = motor_coefficients(problem, skews)
     if len(problem.local_spread) > 2:
@@ -272,6 +283,15 @@ def respond_together(
     if problem.following is not None:
         return problem.following.added(response)
     return simulated(c + followed(problem, response.force)) if problem.echoes else response
+
+
+def balanced(problem: Problem, values: Values, seen: Along, local: FloatArray) -> Response:
+    """The loads' accelerations and the forces on the motors along the loads' measured motion."""
+    skews = np.stack([values[f"{a}.skew"] for a in problem.model.axes], axis=1)
+    motor = seen.motors(skews, (local * problem.local_spread)[..., 2:])
+    load = load_start(problem, values, motor.swapaxes(2, 3), local)
+    accelerations, force = balance(problem.model, values, problem.s, seen, motor, load)
+    return Response(accelerations, force, np.zeros((len(local), 0)))
 
 
 def followed(problem: Problem, force: FloatArray) -> FloatArray:

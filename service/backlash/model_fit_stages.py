@@ -6,13 +6,13 @@ three times that where one search does not do.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from service.backlash.model_fit_data import Measured, problem_of, with_reconstructed_motion
 from service.backlash.model_fit_impurities import impurities
-from service.backlash.model_fit_motion import with_following_motors
 from service.backlash.model_fit_problem import Fit, Point, Problem, fit
 from service.backlash.model_fit_start import SEARCH_STEPS, Guess, best_starts, candidates
 from service.dynamics.driven_model import LINKS, Model
@@ -48,17 +48,8 @@ NEARER = 0.75
 """Share of the cost on a few steps below which another search's start is worth a fit of all steps."""
 
 
-ABANDONED = 5.0
-"""Starts whose misfit is this many times the best one's are left: another minimum."""
-
-
-ENOUGH = 1.5
-"""Misfit on a few steps of the heavier chain at which no further start is tried: other minima are far above."""
-
-
-STILL = 0.03
-"""Share of the cost by which a pass of the search has to lower it for another to follow."""
-
+SETTLES = 0.8
+"""Share of the misfit that a cycle of settling has to leave at most for another to follow."""
 
 GOOD = 1.15
 """Misfit at which no further start is tried: only noise is left."""
@@ -67,9 +58,10 @@ GOOD = 1.15
 @dataclass(frozen=True)
 class Effort:
     """candidates : random machines; tried : those fitted for `brief` rounds, of which the best `starts` go on; rounds,
-    heavier, refine : of each pass over few steps, over few steps of a gantry's heavier chain, and over all steps; seed
-    of the random machines; settling : cycles in which a start's motor motion is made to agree with it before it is
-    fitted; sharings : whether others of softness and mass are tried."""
+    heavier, refine, following : of each pass over few steps, over few steps of a gantry's heavier chain, over all
+    steps, and over all steps with motors that follow; seed of the random machines; settling : cycles in which a
+    start's motor motion is made to agree with it before it is fitted; sharings : whether others of softness and mass
+    are tried."""
 
     candidates: int = 160
     starts: int = 3
@@ -78,6 +70,7 @@ class Effort:
     rounds: tuple[int, ...] = (7, 5, 5)
     heavier: tuple[int, ...] = ()
     refine: tuple[int, ...] = (6, 5, 5)
+    following: tuple[int, ...] = ()
     seed: int = 1
     settling: int = 0
     sharings: bool = True
@@ -111,16 +104,18 @@ class Staged:
     starts: list[Outcome]
 
 
+Reconstruction = Callable[[Measured, Problem, Fit], Problem]
+"""A problem with the motors' motion between their samples by the forces of a fit."""
+
+
 def backlashes(problem: Problem, found: Fit) -> FloatArray:
     """(X,) backlash of every axis [m]."""
     return np.array([found.value(problem.model, f"{axis}.backlash") for axis in problem.model.axes])
 
 
-def reconstructed(measured: Measured, problem: Problem, found: Fit, echoed: bool) -> Problem:
-    """The problem with the motors' motion by a fit; a gantry's motors always follow the forces."""
-    if len(measured.axes) == 2:
-        return with_following_motors(measured, problem, found)
-    return with_reconstructed_motion(measured, problem, found, echoed)
+def following_force(measured: Measured, problem: Problem, found: Fit) -> Problem:
+    """The problem with the motors' motion by a fit; it follows the force while the machine is fitted."""
+    return with_reconstructed_motion(measured, problem, found, echoed=True)
 
 
 def passes(
@@ -128,7 +123,7 @@ def passes(
     problem: Problem,
     start: Point,
     rounds: tuple[int, ...],
-    echoed: bool,
+    motors: Reconstruction,
     still: float = 0.0,
 ) -> list[Outcome]:
     """A fit, then fits with the motor's motion reconstructed from the one before; not every pass is better.
@@ -140,7 +135,7 @@ def passes(
     for more in rounds[1:]:
         if found.misfit > HOPELESS:
             break
-        problem = reconstructed(measured, problem, found, echoed)
+        problem = motors(measured, problem, found)
         found = fit(problem, found.point, more, 0.3)
         best = min(out, key=lambda o: o.fit.cost)
         out = [*(o.kept(best) for o in out), Outcome(problem, found)]
@@ -151,41 +146,53 @@ def passes(
 
 
 def settled(
-    measured: Measured, problem: Problem, start: Point, cycles: int, echoed: bool
+    measured: Measured, problem: Problem, start: Point, cycles: int, motors: Reconstruction
 ) -> tuple[Problem, Point]:
     """The machine held, its initial states and the motor's motion between the samples made to agree with it.
 
     A machine that is fitted before that bends its parameters to what is only an error of the interpolated input.
     """
+    before = np.inf
     for _ in range(cycles):
         held = replace(problem, free=(False,) * len(problem.free))
         found = fit(held, start, 3, 1.0)
         if found.misfit > HOPELESS:
             break
-        problem, start = reconstructed(measured, problem, found, echoed), found.point
+        problem, start = motors(measured, problem, found), found.point
+        if found.misfit > SETTLES * before:
+            break
+        before = found.misfit
     return replace(problem, free=(True,) * len(problem.free)), start
 
 
 def from_starts(
     measured: Measured, problem: Problem, guesses: dict[str, Guess], effort: Effort
 ) -> list[Outcome]:
-    """Passes on a few steps from each of the best random machines; the best of each, best first."""
+    """Passes on a few steps from each of the starts; the best of each, best first."""
     few = problem.first_steps(SEARCH_STEPS)
-    drawn = candidates(problem, guesses, effort.candidates, effort.seed)
-    points = best_starts(problem, drawn, max(effort.starts, effort.tried))
-    if effort.tried > effort.starts:
-        points = most_promising(few, points, effort)
-    if problem.model.lumps == 2:
-        points.insert(1, from_lighter_chain(measured, problem, guesses, effort))
     ends: list[Outcome] = []
-    for p in points:
+    for p in among_random(measured, problem, guesses, effort):
         at = Point(p.shared, p.local[:SEARCH_STEPS])
-        begun, at = settled(measured, few, at, effort.settling, echoed=effort.settling > 0)
-        tried = passes(measured, begun, at, effort.rounds, echoed=effort.settling > 0)
+        motors = following_force if effort.settling else with_reconstructed_motion
+        begun, at = settled(measured, few, at, effort.settling, motors)
+        tried = passes(measured, begun, at, effort.rounds, motors)
         ends.append(min(tried, key=lambda o: o.fit.cost).lean())
         if ends[-1].fit.misfit < GOOD:
             break
     return sorted(ends, key=lambda o: o.fit.cost)
+
+
+def among_random(
+    measured: Measured, problem: Problem, guesses: dict[str, Guess], effort: Effort
+) -> list[Point]:
+    """Starts of a single axis: the best of random machines around the closed form's answer, and the lighter chain."""
+    drawn = candidates(problem, guesses, effort.candidates, effort.seed)
+    points = best_starts(problem, drawn, max(effort.starts, effort.tried))
+    if effort.tried > effort.starts:
+        points = most_promising(problem.first_steps(SEARCH_STEPS), points, effort)
+    if problem.model.lumps == 2:
+        points.insert(1, from_lighter_chain(measured, problem, guesses, effort))
+    return points
 
 
 def most_promising(few: Problem, points: list[Point], effort: Effort) -> list[Point]:
@@ -267,8 +274,8 @@ def refined(measured: Measured, problem: Problem, starts: list[Outcome], effort:
 
 def over_all_steps(measured: Measured, problem: Problem, begin: Point, effort: Effort) -> list[Outcome]:
     """Passes over all steps, after the initial states and the motor's motion have settled."""
-    problem, begin = settled(measured, problem, begin, 2, echoed=True)
-    return passes(measured, problem, begin, effort.refine, echoed=True)
+    problem, begin = settled(measured, problem, begin, 2, following_force)
+    return passes(measured, problem, begin, effort.refine, following_force)
 
 
 def best_shared_out(few: Problem, begin: Point, effort: Effort) -> Outcome:
@@ -311,22 +318,3 @@ def with_impurities(problem: Problem, begin: Point) -> tuple[Problem, Point]:
     free = problem.free + (True,) * more
     shared = np.concatenate((begin.shared, np.zeros(more)))
     return replace(problem, model=model, free=free), Point(shared, begin.local)
-
-
-def heavier_fit(measured: Measured, model: Model, guesses: dict[str, Guess], effort: Effort) -> Staged:
-    """All stages of a chain of two lumps, which is found by way of the chain of one: that has fewer minima."""
-    light = problem_of(measured, replace(model, lumps=1), local_spread(model))
-    starts = from_starts(measured, light, guesses, effort)
-    problem = problem_of(measured, replace(model, lumps=2), local_spread(model))
-    few, ends = problem.first_steps(SEARCH_STEPS), []
-    for start in starts:
-        if start.fit.misfit > ABANDONED * starts[0].fit.misfit:
-            break
-        begin = Point(split(light.model, start.fit, problem.model), start.fit.point.local)
-        begun, at = settled(measured, few, begin, 2, echoed=True)
-        ends += [o.lean() for o in passes(measured, begun, at, effort.heavier, True, STILL)]
-        if min(o.fit.misfit for o in ends) < ENOUGH:
-            break
-    found = min(ends, key=lambda o: o.fit.cost).fit.point
-    last = over_all_steps(measured, problem, Point(found.shared, repeated(problem, found.local)), effort)
-    return Staged(min(last, key=lambda o: o.fit.cost), last, [*starts, *ends])

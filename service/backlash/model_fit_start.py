@@ -21,6 +21,11 @@ AT_ONCE = 40
 """Machines simulated in one pass: more gain no speed and cost 1 MB each."""
 
 
+SMALL = (8e-6, 8e-5)
+"""Gaps to begin with along the measured motion [m]: one that is too small is always touched and is pulled out to its
+size; one too large is never passed, and nothing pulls at it."""
+
+
 @dataclass(frozen=True)
 class Guess:
     """What the closed form says of one axis: b [m], M/k [s²], skew [s]; None where it says nothing."""
@@ -59,7 +64,9 @@ def candidates(problem: Problem, guesses: dict[str, Guess], n: int, seed: int) -
     for k, p in enumerate(problem.model.parameters):
         axis, _, name = p.name.rpartition(".")
         guess = guesses.get(axis, Guess(None, None, None))
-        if name == "backlash":
+        if name == "backlash" and problem.seen is not None:
+            shared[:, k] = p.internal(np.exp(rng.uniform(np.log(SMALL[0]), np.log(SMALL[1]), n)))
+        elif name == "backlash":
             shared[:, k] = scattered(p, guess.backlash, 0.1, rng, n)
         elif name.endswith("stiffness") and axis:
             centre = springs / guess.compliance if guess.compliance else None

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import BSpline, CubicHermiteSpline, PPoly
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
 from service.recording import FloatArray, Trace
 
@@ -221,7 +221,10 @@ def likelihood(steps: Sequence[Around], forces: Sequence[FloatArray], spreads: S
     """Minus twice the logarithm of the likelihood of the spreads, the balance at its best for them."""
     total, products, free, heard = 0.0, np.zeros((3, 3)), 0, 0
     for step, force in zip(steps, forces, strict=True):
-        left, determinant = gram(step, force, spreads)
+        try:
+            left, determinant = gram(step, force, spreads)
+        except LinAlgError:
+            return np.inf
         products += left
         total += determinant - float(np.sum(np.log(step.weights(spreads))))
         free += step.design.shape[1] - 5

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from service.backlash.pairing import paired
+from service.backlash.pairing import clear, explained_exchanged, paired
 from service.backlash.paper import paper
 from service.backlash.results import Reason
 from service.dynamics.parameters import AxisParameters, GantryParameters, Machine
@@ -15,7 +15,7 @@ from service.dynamics.simulation import simulate, ten_steps
 from service.recording import AxisDescription, Recording, Trace
 
 
-@pytest.fixture(scope="module", params=[(20e-6, 90e-6, 5e6), (120e-6, 40e-6, 4e7)])
+@pytest.fixture(scope="module", params=[(20e-6, 90e-6, 5e6), (120e-6, 40e-6, 4e7), (52e-6, 50e-6, 2e7)])
 def gantry(request: pytest.FixtureRequest) -> Recording:
     """A simulated gantry with gaps b of both sides and a bridge of stiffness k."""
     first, second, k = request.param
@@ -43,10 +43,21 @@ def test_sensors_in_their_places_are_accepted(gantry: Recording, axis: str) -> N
     assert paired(gantry, axis) is None
 
 
-@pytest.mark.parametrize("axis", ["X1", "X2"])
-@pytest.mark.parametrize("channel", ["acceleration", "motor_speed"])
+@pytest.mark.parametrize(("channel", "axis"), [("acceleration", "X1"), ("motor_speed", "X2")])
 def test_swapped_sensors_are_refused(gantry: Recording, channel: str, axis: str) -> None:
     assert paper(swapped(gantry, channel), axis).reason is Reason.SENSORS_SWAPPED
+
+
+def test_the_machine_decides_where_the_blows_leave_a_doubt(gantry: Recording) -> None:
+    assert not explained_exchanged(gantry, "X1", "X2")
+    assert explained_exchanged(swapped(gantry, "acceleration"), "X1", "X2")
+
+
+def test_a_doubt_is_left_by_steps_that_disagree_or_are_few() -> None:
+    assert clear(np.array([-1.0, -1.2, -0.9, -1.1]))
+    assert not clear(np.array([-1.0, 1.2, -0.9, 0.6]))
+    assert not clear(np.array([-1.0]))
+    assert not clear(np.array([1.0, 1.2, 0.9, 1.1]))
 
 
 def test_without_the_partner_nothing_can_be_said(gantry: Recording) -> None:

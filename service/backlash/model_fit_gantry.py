@@ -1,0 +1,154 @@
+"""The stages of a gantry's fit: from no guess at all to the fit of both axes over all steps.
+
+Simulated from a wrong machine, the two sides of a gantry soon do something else than the recorded ones did, and no
+local fit finds back. So the search begins along the loads' *measured* motion, on which forces are balanced and
+nothing is simulated; there fits are cheap and minima few. The forces needed for that motion say at the same time how
+the motors moved between their samples. Then the machine is simulated: with one mass per drive, which has fewer
+minima, then with gear and pinion, first on a few steps, then on all.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from service.backlash.model_fit_data import Measured, measure, problem_of, with_reconstructed_motion
+from service.backlash.model_fit_motion import with_following_motors
+from service.backlash.model_fit_problem import Fit, Point, Problem, fit
+from service.backlash.model_fit_stages import (
+    NEARER,
+    ONLY_NOISE,
+    SHARINGS,
+    Effort,
+    Outcome,
+    Staged,
+    local_spread,
+    passes,
+    repeated,
+    settled,
+    shared_out,
+    split,
+)
+from service.backlash.model_fit_start import SEARCH_STEPS, best_starts, candidates
+from service.dynamics.driven_model import Model
+from service.recording import Recording
+
+LONGER = 20
+"""Rounds of the best fits along the measured motion: a gap that is too small is pulled out to its size by some
+micrometres a round."""
+
+NEAR = 3.0
+"""Misfit of the lighter chain at which no further start is tried: the heavier one does the rest."""
+
+LITTLE = Effort(candidates=1500, tried=12, brief=8, starts=3)
+"""Where only a comparison is asked for."""
+
+POOR = 3.0
+"""Misfit from which on a wrong minimum is suspected."""
+
+CARRIED = 3
+"""Starts that go on to gear and pinion at most."""
+
+ABANDONED = 5.0
+"""Starts whose misfit is this many times the best one's are left: another minimum."""
+
+ENOUGH = 1.5
+"""Misfit on a few steps of the heavier chain at which no further start is tried: other minima are far above."""
+
+SETTLED = 8
+"""Cycles in which the motors' motion over all steps is made to agree with the machine that a few steps gave."""
+
+STILL = 0.03
+"""Share of the cost by which a pass of the search has to lower it for another to follow."""
+
+
+def gantry_fit(measured: Measured, effort: Effort) -> Staged:
+    """All stages, and once more from other random machines where the fit is poor and these come nearer along the
+    measured motion: if they do not, what is left is not the search's fault."""
+    few = problem_of(measured, Model(measured.axes, 1), local_spread(Model(measured.axes, 1)))
+    few = few.first_steps(SEARCH_STEPS).along_measured()
+    balanced = balanced_fits(few, effort)
+    found = simulated_from(measured, few, balanced, effort)
+    if found.best.fit.misfit < POOR:
+        return found
+    others = balanced_fits(few, replace(effort, seed=effort.seed + 1))
+    if others[0].cost > NEARER * balanced[0].cost:
+        return found
+    again = simulated_from(measured, few, others, effort)
+    return min(found, again, key=lambda staged: staged.best.fit.cost)
+
+
+def explained(recording: Recording, axes: tuple[str, ...]) -> float:
+    """How far a few steps are from any gantry, along the loads' measured motion: a misfit for comparisons."""
+    steps = range(min(SEARCH_STEPS, len(recording.moves)))
+    model = Model(axes, 1)
+    few = problem_of(measure(recording, axes, steps), model, local_spread(model)).along_measured()
+    return balanced_fits(few, LITTLE)[0].cost
+
+
+def simulated_from(measured: Measured, few: Problem, balanced: list[Fit], effort: Effort) -> Staged:
+    """The stages that simulate, from what was found along the measured motion."""
+    starts = starts_of(measured, few, balanced, effort)
+    heavy = problem_of(measured, Model(measured.axes, 2), local_spread(Model(measured.axes, 2)))
+    ends: list[Outcome] = []
+    for start in starts[:CARRIED]:
+        if start.fit.misfit > ABANDONED * starts[0].fit.misfit:
+            break
+        ends.append(with_gear_and_pinion(measured, heavy, start, effort))
+        if ends[-1].fit.misfit < ENOUGH:
+            break
+    found = min(ends, key=lambda o: o.fit.cost).fit.point
+    last = over_all_steps(measured, heavy, Point(found.shared, repeated(heavy, found.local)), effort)
+    return Staged(min(last, key=lambda o: o.fit.cost), last, [*starts, *ends])
+
+
+def starts_of(measured: Measured, few: Problem, balanced: list[Fit], effort: Effort) -> list[Outcome]:
+    """Fits of a few steps with one lump per drive from the balanced ones, best first. The forces that were needed for
+    the measured motion say how the motors moved between their samples, before anything is simulated."""
+    ends: list[Outcome] = []
+    for found in balanced:
+        begun = replace(with_reconstructed_motion(measured, few, found), seen=None)
+        tried = passes(measured, begun, found.point, effort.rounds, with_reconstructed_motion)
+        ends.append(min(tried, key=lambda o: o.fit.cost))
+        if ends[-1].fit.misfit < NEAR:
+            break
+    return sorted(ends, key=lambda o: o.fit.cost)
+
+
+def balanced_fits(few: Problem, effort: Effort) -> list[Fit]:
+    """The best of random machines by the balance of forces along the loads' measured motion, best first."""
+    drawn = candidates(few, {}, effort.candidates, effort.seed)
+    points = best_starts(few, drawn, effort.tried)
+    begun = sorted((fit(few, p, effort.brief, 1.0) for p in points), key=lambda f: f.cost)
+    return sorted((fit(few, f.point, LONGER, 1.0) for f in begun[: effort.starts]), key=lambda f: f.cost)
+
+
+def with_gear_and_pinion(measured: Measured, heavy: Problem, start: Outcome, effort: Effort) -> Outcome:
+    """The fit of a few steps with two lumps per drive, from one with one and its motors' motion."""
+    few = replace(heavy.first_steps(SEARCH_STEPS), motion=start.problem.motion, force=start.problem.force)
+    begin = Point(split(start.problem.model, start.fit, heavy.model), start.fit.point.local)
+    tried = passes(measured, few, begin, effort.heavier, with_reconstructed_motion, STILL)
+    return shared_otherwise(measured, min(tried, key=lambda o: o.fit.cost), effort)
+
+
+def shared_otherwise(measured: Measured, found: Outcome, effort: Effort) -> Outcome:
+    """The best of a fit and of fits from drives that are as soft and heavy, differently shared out."""
+    if found.fit.misfit < ONLY_NOISE:
+        return found
+    at, model = found.fit.point, found.problem.model
+    others = [Point(shared_out(model, at.shared, *way), at.local) for way in SHARINGS]
+    fits = [fit(found.problem, other, effort.brief, 0.3) for other in others]
+    best = min(fits, key=lambda f: f.cost)
+    if best.cost > found.fit.cost:
+        return found
+    tried = passes(measured, found.problem, best.point, effort.heavier, with_reconstructed_motion, STILL)
+    return min((found, *tried), key=lambda o: o.fit.cost)
+
+
+def over_all_steps(measured: Measured, problem: Problem, begin: Point, effort: Effort) -> list[Outcome]:
+    """Passes over all steps, the motors' motion first reconstructed by the forces of the last pass, then following
+    them: the one settles from afar, the other holds where the load swings near half the rate of the samples."""
+    problem, at = settled(measured, problem, begin, SETTLED, with_reconstructed_motion)
+    plain = passes(measured, problem, at, effort.refine, with_reconstructed_motion)
+    best = min(plain, key=lambda o: o.fit.cost)
+    followed = with_following_motors(measured, best.problem, best.fit)
+    return plain + passes(measured, followed, best.fit.point, effort.following, with_following_motors)
