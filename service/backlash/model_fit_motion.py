@@ -17,7 +17,7 @@ import numpy as np
 from scipy.interpolate import BSpline
 
 from service.backlash.model_fit_data import Measured, noise_at_rest
-from service.backlash.model_fit_problem import TOGETHER, Fit, Following, Point, Problem, respond
+from service.backlash.model_fit_problem import TOGETHER, Fit, Following, Point, Problem, course_at
 from service.dynamics.driven_motion import between
 from service.dynamics.driven_recoil import Recoil
 from service.dynamics.driven_smoothing import (
@@ -198,6 +198,7 @@ def sensitivities(problem: Problem, at: Point, motions: FloatArray) -> Following
 def answers(problem: Problem, at: Point, shifts: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Accelerations, forces and recoil (S, T, …) with the motors moved by `shifts` (S, K, X, 5)."""
     S = len(shifts)
-    response = respond(problem, np.tile(at.shared, (S, 1)), np.tile(at.local, (S, 1, 1, 1)), shifts)
-    assert response.recoil is not None
-    return response.acceleration, response.force, response.recoil
+    course = course_at(problem, np.tile(at.shared, (S, 1)), np.tile(at.local, (S, 1, 1, 1)), shifts)
+    recoil = course.recoil()
+    assert recoil is not None
+    return course.acceleration(), course.force(), recoil

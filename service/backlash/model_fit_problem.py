@@ -17,10 +17,10 @@ import numpy as np
 from scipy.interpolate import PPoly
 from scipy.linalg import cho_factor, cho_solve
 
-from service.dynamics.driven import Response, simulate
+from service.dynamics.driven import Course, Response, course_of
 from service.dynamics.driven_balance import Along, along, balance
 from service.dynamics.driven_model import LINKS, Model, Parameter, Values
-from service.dynamics.driven_motion import StepGrid, between, coefficients
+from service.dynamics.driven_motion import StepGrid, between, of_motors
 from service.dynamics.driven_recoil import Recoil
 from service.recording import FloatArray
 
@@ -75,11 +75,10 @@ class Following:
         difference = (force - self.force).reshape(*force.shape[:2], -1).swapaxes(0, 1)
         return np.asarray(difference @ self.answer.swapaxes(1, 2))
 
-    def added(self, response: Response) -> Response:
-        """The response with what the motors' following does to the accelerations."""
-        change = (self.curves(response.force) @ self.acceleration.swapaxes(1, 2)).swapaxes(0, 1)
-        predicted = response.acceleration
-        return replace(response, acceleration=predicted + change.reshape(predicted.shape))
+    def added(self, acceleration: FloatArray, force: FloatArray) -> FloatArray:
+        """The accelerations (S, T, X, K) with what the motors' following does to them."""
+        change = (self.curves(force) @ self.acceleration.swapaxes(1, 2)).swapaxes(0, 1)
+        return np.asarray(acceleration + change.reshape(acceleration.shape))
 
     def settled(self, force: FloatArray, e: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Forces (T, X, K + 1) and recoil (T, X, K + 1, 2) with what the following does to them."""
@@ -146,6 +145,15 @@ class Problem:
         """Steps, axes, and nuisance coordinates of each."""
         return len(self.grids), len(self.model.axes), len(self.local_spread)
 
+    def predicted(self, course: Course | Balanced) -> FloatArray:
+        """(S, T, X, K) accelerations of simulated sets, the motors' following taken in."""
+        said = course.acceleration()
+        return said if self.following is None else self.following.added(said, course.force())
+
+    def response(self, course: Course | Balanced) -> Response:
+        """All that is predicted of simulated sets."""
+        return replace(course.response(), acceleration=self.predicted(course))
+
     def first_steps(self, n: int) -> Problem:
         """The same problem with the first n steps only."""
         force = None if self.force is None else self.force[:n]
@@ -210,16 +218,8 @@ def values_of(parameters: Sequence[Parameter], shared: FloatArray) -> dict[str, 
 
 def motor_coefficients(problem: Problem, skews: FloatArray) -> FloatArray:
     """Motor motion of every set, step and axis on the grid: skews (S, X) [s] -> (S, T, K, X, 5)."""
-    S, X = skews.shape
-    out = np.empty((S, len(problem.grids), problem.samples, X, 5))
-    for x in range(X):
-        levels, of = np.unique(skews[:, x], return_inverse=True)
-        for t, grid in enumerate(problem.grids):
-            for u, skew in enumerate(levels):
-                out[of == u, t, :, x] = coefficients(
-                    problem.motion[t][x], grid.start + skew, grid.h, problem.samples
-                )
-    return out
+    starts = np.array([grid.start for grid in problem.grids])
+    return of_motors(problem.motion, starts, problem.grids[0].h, problem.samples, skews)
 
 
 def load_start(problem: Problem, values: Values, c: FloatArray, local: FloatArray) -> FloatArray:
@@ -237,34 +237,19 @@ def load_start(problem: Problem, values: Values, c: FloatArray, local: FloatArra
     return out + (local * problem.local_spread)[..., :2]
 
 
-def respond(
-    problem: Problem, shared: FloatArray, local: FloatArray, shift: FloatArray | None = None
-) -> Response:
-    """Simulate sets of coordinates: shared (S, P), local (S, T, X, L); `shift` (S, K, X, 5) is added to the motors'
-    motion in every step."""
+def accelerations(problem: Problem, shared: FloatArray, local: FloatArray) -> FloatArray:
+    """Simulate sets of coordinates, shared (S, P), local (S, T, X, L), a few at a time: (S, T, X, K)."""
     parts = [slice(k, k + TOGETHER) for k in range(0, len(shared), TOGETHER)]
-    found = [
-        respond_together(problem, shared[part], local[part], None if shift is None else shift[part])
-        for part in parts
-    ]
-    return found[0] if len(found) == 1 else joined(found)
-
-
-def joined(parts: Sequence[Response]) -> Response:
-    """Responses of several groups of sets as one."""
-    recoils = [part.recoil for part in parts if part.recoil is not None]
-    return Response(
-        np.concatenate([part.acceleration for part in parts]),
-        np.concatenate([part.force for part in parts]),
-        np.concatenate([part.relative for part in parts]),
-        np.concatenate(recoils) if recoils else None,
+    return np.concatenate(
+        [problem.predicted(course_at(problem, shared[part], local[part])) for part in parts]
     )
 
 
-def respond_together(
-    problem: Problem, shared: FloatArray, local: FloatArray, shift: FloatArray | None
-) -> Response:
-    """`respond`, all sets in one pass."""
+def course_at(
+    problem: Problem, shared: FloatArray, local: FloatArray, shift: FloatArray | None = None
+) -> Course | Balanced:
+    """Simulate sets of coordinates in one pass: shared (S, P), local (S, T, X, L); `shift` (S, K, X, 5) is added to the
+    motors' motion in every step."""
     free = values_of(problem.model.parameters, shared)
     values = problem.model.complete(free)
     if problem.seen is not None:
@@ -274,24 +259,46 @@ def respond_together(
     if len(problem.local_spread) > 2:
         c[..., 0] += (local[..., 2] * problem.local_spread[2])[:, :, None]
 
-    def simulated(c: FloatArray) -> Response:
+    def simulated(c: FloatArray) -> Course:
         load = load_start(problem, values, c, local)
         moved = c if shift is None else c + shift[:, None]
-        return simulate(problem.driven, free, moved, problem.s, load, problem.grids[0].h)
+        return course_of(problem.driven, free, moved, problem.s, load, problem.grids[0].h)
 
-    response = simulated(c)
-    if problem.following is not None:
-        return problem.following.added(response)
-    return simulated(c + followed(problem, response.force)) if problem.echoes else response
+    course = simulated(c)
+    if problem.echoes and problem.following is None:
+        return simulated(c + followed(problem, course.force()))
+    return course
 
 
-def balanced(problem: Problem, values: Values, seen: Along, local: FloatArray) -> Response:
+@dataclass(frozen=True)
+class Balanced:
+    """What the balance along the loads' measured motion says of sets of coordinates; as a Course."""
+
+    accelerations: FloatArray
+    forces: FloatArray
+
+    def only(self, k: int) -> Balanced:
+        return Balanced(self.accelerations[k : k + 1], self.forces[k : k + 1])
+
+    def acceleration(self) -> FloatArray:
+        return self.accelerations
+
+    def force(self) -> FloatArray:
+        return self.forces
+
+    def recoil(self) -> None:
+        return None
+
+    def response(self) -> Response:
+        return Response(self.accelerations, self.forces, np.zeros((len(self.forces), 0)))
+
+
+def balanced(problem: Problem, values: Values, seen: Along, local: FloatArray) -> Balanced:
     """The loads' accelerations and the forces on the motors along the loads' measured motion."""
     skews = np.stack([values[f"{a}.skew"] for a in problem.model.axes], axis=1)
     motor = seen.motors(skews, (local * problem.local_spread)[..., 2:])
     load = load_start(problem, values, motor.swapaxes(2, 3), local)
-    accelerations, force = balance(problem.model, values, problem.s, seen, motor, load)
-    return Response(accelerations, force, np.zeros((len(local), 0)))
+    return Balanced(*balance(problem.model, values, problem.s, seen, motor, load))
 
 
 def followed(problem: Problem, force: FloatArray) -> FloatArray:
@@ -308,11 +315,11 @@ def followed(problem: Problem, force: FloatArray) -> FloatArray:
     return out
 
 
-def residuals(problem: Problem, response: Response) -> FloatArray:
+def residuals(problem: Problem, acceleration: FloatArray) -> FloatArray:
     """(measured − predicted)/noise of the samples used: (S, N)."""
     measured = np.stack([g.measured for g in problem.grids])
     used = np.stack([g.used for g in problem.grids])
-    difference = (measured - response.acceleration) / problem.noise[:, None]
+    difference = (measured - acceleration) / problem.noise[:, None]
     return np.asarray(difference[:, used])
 
 
@@ -328,16 +335,17 @@ def jacobian(
         shared[1 + row, k] += difference
     for j in range(L * X):
         local[1 + len(free) + j, :, j // L, j % L] += difference
-    response = respond(problem, shared, local)
-    r = residuals(problem, response)
+    first = course_at(problem, shared[:TOGETHER], local[:TOGETHER])
+    parts = [problem.predicted(first)]
+    if S > TOGETHER:
+        parts.append(accelerations(problem, shared[TOGETHER:], local[TOGETHER:]))
+    r = residuals(problem, np.concatenate(parts))
     slopes = (r[1:] - r[0]) / difference
     step_of = np.nonzero(np.stack([g.used for g in problem.grids]))[0]
     own = np.zeros((len(step_of), T, L * X))
     own[np.arange(len(step_of)), step_of] = slopes[len(free) :].T
-    recoil = None if response.recoil is None else response.recoil[:1]
-    first = Response(response.acceleration[:1], response.force[:1], response.relative[:1], recoil)
     J = np.hstack((slopes[: len(free)].T, own.reshape(len(step_of), -1)))
-    return first, r[0], np.where(np.abs(J) < OVERFLOWN, J, 0.0)
+    return problem.response(first.only(0)), r[0], np.where(np.abs(J) < OVERFLOWN, J, 0.0)
 
 
 def moved(problem: Problem, at: Point, step: FloatArray) -> Point:
@@ -393,7 +401,7 @@ def residuals_at(problem: Problem, points: Sequence[Point]) -> FloatArray:
     """Residuals (S, N) of points, simulated in one pass."""
     shared, local = np.stack([p.shared for p in points]), np.stack([p.local for p in points])
     with np.errstate(all="ignore"):
-        return residuals(problem, respond(problem, shared, local))
+        return residuals(problem, accelerations(problem, shared, local))
 
 
 def best_trial(problem: Problem, points: Sequence[Point], scale: float) -> tuple[int, float]:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from service.backlash.contact_regression import contact_steps, solve
-from service.backlash.model_fit_problem import Point, Problem, residuals, respond
+from service.backlash.model_fit_problem import Point, Problem, accelerations, residuals
 from service.dynamics.driven_model import Parameter
 from service.recording import FloatArray, Recording
 
@@ -91,5 +91,5 @@ def misfits(few: Problem, points: list[Point]) -> FloatArray:
     shared = np.stack([p.shared for p in points])
     local = np.stack([p.local[:SEARCH_STEPS] for p in points])
     with np.errstate(all="ignore"):
-        r = residuals(few, respond(few, shared, local))
+        r = residuals(few, accelerations(few, shared, local))
     return np.where(np.isfinite(r).all(axis=1), np.mean(np.minimum(np.abs(r), 1e6), axis=1), np.inf)

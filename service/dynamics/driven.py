@@ -7,13 +7,13 @@ between contact events, in driven_propagation. All parameter sets and all steps 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import factorial
 
 import numpy as np
 
 from service.dynamics.driven_effect import Case
-from service.dynamics.driven_model import LINKS, Model, Values, assemble, spring_damper
+from service.dynamics.driven_model import LINKS, Cases, Model, Values, assemble, spring_damper
 from service.dynamics.driven_propagation import run
 from service.dynamics.driven_recoil import Recoil
 from service.recording import FloatArray
@@ -77,6 +77,61 @@ def motor_force(model: Model, values: Values, states: FloatArray, motor: FloatAr
     return out
 
 
+@dataclass(frozen=True)
+class Course:
+    """Simulated sets; what is not asked for is not computed.
+
+    Attributes
+    ----------
+    cases : the model's effects, see Model.cases
+    c : (S, T, K, X, 5) motion of the motors as it drives the chain
+    states : (S, T, K + 1, n)
+    """
+
+    model: Model
+    values: Values
+    cases: Cases
+    c: FloatArray
+    states: FloatArray
+    h: float
+
+    def only(self, k: int) -> Course:
+        """One of the sets."""
+        values = {name: value[k : k + 1] for name, value in self.values.items()}
+        return replace(self, values=values, c=self.c[k : k + 1], states=self.states[k : k + 1])
+
+    def acceleration(self) -> FloatArray:
+        """As in Response."""
+        loads = [self.model.load(a) + 1 for a in range(len(self.model.axes))]
+        predicted = np.stack([np.diff(self.states[..., load], axis=2) for load in loads], axis=2) / self.h
+        for effect, own, _ in self.cases:
+            predicted = effect.measure(predicted, own)
+        return predicted
+
+    def recoil(self) -> FloatArray | None:
+        """As in Response."""
+        given = [effect.of(self.states, room) for effect, _, room in self.cases if isinstance(effect, Recoil)]
+        return given[0] if given else None
+
+    def motor(self) -> FloatArray:
+        """(S, T, X, K + 1, 2) position and speed of what pushes the first spring."""
+        recoil = self.recoil()
+        moved = np.concatenate((self.c[..., :2], ends(self.c[:, :, -1:], self.h)), axis=2).swapaxes(2, 3)
+        return moved if recoil is None else moved + recoil
+
+    def force(self) -> FloatArray:
+        """As in Response."""
+        return motor_force(self.model, self.values, self.states, self.motor())
+
+    def relative(self) -> FloatArray:
+        """As in Response."""
+        axes, motor = range(len(self.model.axes)), self.motor()
+        return np.stack([relative_position(self.model, self.states, motor, a) for a in axes], axis=2)
+
+    def response(self) -> Response:
+        return Response(self.acceleration(), self.force(), self.relative(), self.recoil())
+
+
 def simulate(
     model: Model,
     values: Values,
@@ -87,6 +142,20 @@ def simulate(
     nuisance: FloatArray | None = None,
     start: FloatArray | None = None,
 ) -> Response:
+    """All that the model says, see `course_of`."""
+    return course_of(model, values, c, s, load, h, nuisance, start).response()
+
+
+def course_of(
+    model: Model,
+    values: Values,
+    c: FloatArray,
+    s: FloatArray,
+    load: FloatArray,
+    h: float,
+    nuisance: FloatArray | None = None,
+    start: FloatArray | None = None,
+) -> Course:
     """Simulate all parameter sets and steps as lanes of one pass.
 
     Parameters
@@ -108,27 +177,17 @@ def simulate(
         np.zeros(T) if start is None else start,
         h,
     )
-    for effect, own, _ in model.cases(case):
+    cases = tuple(model.cases(case))
+    for effect, own, _ in cases:
         c = effect.drive(c, own)
-    motor = np.concatenate((c[..., :2], ends(c[:, :, -1:], h)), axis=2).swapaxes(2, 3)
-    system = assemble(model, case)
-    x0 = initial_states(model, case.values, motor[..., 0, :], load)
-    for effect, own, room in model.cases(case):
+    system = assemble(model, case, cases)
+    x0 = initial_states(model, case.values, c[:, :, 0, :, :2], load)
+    for effect, own, room in cases:
         effect.begin(x0, own, room)
-    followed = [effect.follow(c, own) for effect, own, _ in model.cases(case) if effect.motions]
+    followed = [effect.follow(c, own) for effect, own, _ in cases if effect.motions]
     moved = np.concatenate((c, *followed), axis=3) if followed else c
     states = run(system, x0, moved, np.stack((np.ones(T), s), axis=1), h)
-    speeds = states[..., [model.load(a) + 1 for a in range(len(model.axes))]]
-    predicted = np.diff(speeds, axis=2).swapaxes(2, 3) / h
-    for effect, own, _ in model.cases(case):
-        predicted = effect.measure(predicted, own)
-    recoil = None
-    for effect, _, room in model.cases(case):
-        if isinstance(effect, Recoil):
-            recoil = effect.of(states, room)
-            motor = motor + recoil
-    relative = np.stack([relative_position(model, states, motor, a) for a in range(len(model.axes))], axis=2)
-    return Response(predicted, motor_force(model, case.values, states, motor), relative, recoil)
+    return Course(model, case.values, cases, c, states, h)
 
 
 def ends(c: FloatArray, h: float) -> FloatArray:

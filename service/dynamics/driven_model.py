@@ -33,6 +33,10 @@ from service.recording import FloatArray
 __all__ = ["LINKS", "DrivenEffect", "Model", "Parameter", "Values", "assemble", "spring_damper"]
 
 
+Cases = tuple[tuple[DrivenEffect, Case, Room], ...]
+"""Every effect with the case as it sees it and where its own part of the system begins."""
+
+
 @dataclass(frozen=True)
 class Model(Structure):
     """Which structure: `axes` names (1 or 2), `lumps` per axis, appended `effects`.
@@ -98,8 +102,8 @@ class Model(Structure):
         return len(self.axes) * (2 if self.friction == "whole_move" else 1)
 
 
-def assemble(model: Model, case: Case) -> LinearSystem:
-    """Matrices of every parameter set; shapes in driven_propagation."""
+def assemble(model: Model, case: Case, cases: Cases) -> LinearSystem:
+    """Matrices of every parameter set, `cases` being those of the effects; shapes in driven_propagation."""
     values, X = case.values, len(model.axes)
     S = len(next(iter(values.values())))
     curved = any(effect.bends_friction for effect in model.effects)
@@ -116,9 +120,9 @@ def assemble(model: Model, case: Case) -> LinearSystem:
         system.guides.append(guide_of(system, model, values, axis))
     if X == 2 and model.bridge:
         add_bridge(system, model, values)
-    for effect, own, room in model.cases(case):
+    for effect, own, room in cases:
         effect.carry(system, own, room)
-    for effect, own, room in model.cases(case):
+    for effect, own, room in cases:
         effect.assemble(system, own, room)
     for axis, guide in enumerate(system.guides):
         add_friction(system, guide, X + axis, curved)

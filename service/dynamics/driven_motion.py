@@ -7,12 +7,14 @@ as it is. The motor is looked up at grid time + skew.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PPoly
 
+from service.dynamics.compiled import lean
 from service.recording import FloatArray, Trace
 
 
@@ -64,9 +66,53 @@ def plain_motion(speed: Trace, transmission: float) -> PPoly:
 
 def coefficients(position: PPoly, start: float, h: float, K: int) -> FloatArray:
     """c_j of x_mot(t) = Σ c_j t^j/j! in each grid interval: (K, 5); exact in speed and acceleration at its ends."""
-    t = start + h * np.arange(K + 1)
-    x, v, a = (np.asarray(position(t, nu)) for nu in range(3))
-    return between(x, v, a, h)
+    out = np.empty((K, 5))
+    fill(np.ascontiguousarray(position.c), position.x, float(start), float(h), out)
+    return out
+
+
+@lean
+def fill(c: FloatArray, x: FloatArray, start: float, h: float, out: FloatArray) -> None:
+    """`coefficients` of the piecewise polynomial with c (degree + 1, pieces) and breakpoints x, into out."""
+    low, high = 0, len(x) - 2
+    while low < high:
+        middle = (low + high + 1) // 2
+        if x[middle] <= start:
+            low = middle
+        else:
+            high = middle - 1
+    p = v = a = 0.0
+    for k in range(len(out) + 1):
+        t = start + h * k
+        while low < len(x) - 2 and t >= x[low + 1]:
+            low += 1
+        first_p, first_v, first_a = p, v, a
+        p = v = a = 0.0
+        for degree in range(len(c)):
+            a = a * (t - x[low]) + 2.0 * v
+            v = v * (t - x[low]) + p
+            p = p * (t - x[low]) + c[degree, low]
+        if k > 0:
+            mean = (v - first_v) / h
+            out[k - 1, 0], out[k - 1, 1], out[k - 1, 2] = first_p, first_v, first_a
+            out[k - 1, 3] = (6.0 * mean - 4.0 * first_a - 2.0 * a) / h
+            out[k - 1, 4] = 6.0 * (first_a + a - 2.0 * mean) / h**2
+
+
+def of_motors(
+    motion: Sequence[Sequence[PPoly]], starts: FloatArray, h: float, K: int, skews: FloatArray
+) -> FloatArray:
+    """Motion (T, X) of the motors on grids that begin at `starts` (T,), each looked up at grid time + skew (S, X) [s]:
+    (S, T, K, X, 5)."""
+    S, X = skews.shape
+    out = np.empty((S, len(starts), K, X, 5))
+    for x in range(X):
+        levels, of = np.unique(skews[:, x], return_inverse=True)
+        for u, skew in enumerate(levels):
+            lanes = of == u
+            for t, start in enumerate(starts):
+                out[lanes, t, :, x] = coefficients(motion[t][x], start + skew, h, K)
+    return out
 
 
 def between(x: FloatArray, v: FloatArray, a: FloatArray, h: float) -> FloatArray:

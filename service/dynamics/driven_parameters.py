@@ -51,6 +51,8 @@ class Parameter:
         """The fit's coordinate -> value."""
         moved = np.asarray(internal) * self.spread
         value = self.typical * np.exp(moved) if self.logarithmic else self.typical + moved
+        if self.low == -np.inf and self.high == np.inf:
+            return np.asarray(value)
         return np.asarray(np.clip(value, self.low, self.high))
 
     def of(self, axis: str) -> Parameter:

@@ -221,7 +221,7 @@ def entries(*forms: FloatArray) -> Arrays:
     place = np.argsort(~there, axis=1, kind="stable")
     many = there.sum(axis=1)
     rows = np.arange(len(place))[:, None]
-    return place, many, *(form[:, rows, place] for form in forms)
+    return place, many, *(np.ascontiguousarray(form[:, rows, place]) for form in forms)
 
 
 def changing(system: LinearSystem, place: NDArray[Any], many: NDArray[Any]) -> bool:

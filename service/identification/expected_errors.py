@@ -74,13 +74,13 @@ def expected_errors(
     plain = replace(moves, motion=tuple(moves.plain for _ in moves.grids), echoes=(), reference=None)
     doubted = UNTRUSTED * (motor_coefficients(plain, np.array([skews])) - c)
     doubted[..., 0] -= doubted[:, :, :1, :, 0]
-    said = simulated(moves, model, shared[None], local[None], c).acceleration
+    said = simulated(moves, model, shared[None], local[None], c).acceleration()
     squares = np.zeros_like(said[0])
 
     def add(motion: FloatArray) -> None:
         S = len(motion)
         lanes = np.tile(shared, (S, 1)), np.tile(local, (S, 1, 1))
-        off = simulated(moves, model, *lanes, motion).acceleration - said
+        off = simulated(moves, model, *lanes, motion).acceleration() - said
         squares[:] += np.sum(np.nan_to_num(off / moves.noise[:, None]) ** 2, axis=0)
 
     add(c + doubted)

@@ -83,7 +83,7 @@ def held_out(validate: Moves, found: Fitted, thorough: bool = True) -> Held:
             (moves,) = reconstructed(replace(found, moves=(moves,), at=at), follow=False)
     if thorough:
         at = fit([early_part(moves, EARLY)], model, at, 8, free=free).at
-    predicted = predict(moves, model, at.shared[None], at.local[0][None]).acceleration[0]
+    predicted = predict(moves, model, at.shared[None], at.local[0][None]).acceleration()[0]
     return Held(moves, at.local[0], np.nan_to_num(predicted, nan=1e6))
 
 

@@ -14,12 +14,12 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from service.backlash.model_fit_data import KEPT, acceleration_of, bias_at_rest, reconstructed
-from service.dynamics.driven import simulate
+from service.dynamics.driven import Course, course_of
 from service.dynamics.driven_model import Model, Values
 from service.dynamics.driven_motion import (
     StepGrid,
     between,
-    coefficients,
+    of_motors,
     on_grid,
     plain_motion,
     sample_period,
@@ -152,27 +152,10 @@ def some_of(moves: Moves, count: int) -> Moves:
 
 def motor_coefficients(moves: Moves, skews: FloatArray) -> FloatArray:
     """Motor motion of every set, move and axis on the grid: skews (S, X) [s] -> (S, T, K, X, 5)."""
-    S, X = skews.shape
-    out = np.empty((S, len(moves.grids), moves.samples, X, 5))
-    for x in range(X):
-        levels, of = np.unique(skews[:, x], return_inverse=True)
-        for t, grid in enumerate(moves.grids):
-            for u, skew in enumerate(levels):
-                out[of == u, t, :, x] = coefficients(
-                    moves.motion[t][x], grid.start + skew, grid.h, moves.samples
-                )
-    return out
+    return of_motors(moves.motion, moves.start, moves.h, moves.samples, skews)
 
 
-@dataclass(frozen=True)
-class Predicted:
-    """(S, T, X, K) accelerations [m/s²] and (S, T, X, K + 1) force on the motor per moved mass [m/s²]."""
-
-    acceleration: FloatArray
-    force: FloatArray
-
-
-def predict(moves: Moves, model: Model, shared: FloatArray, local: FloatArray) -> Predicted:
+def predict(moves: Moves, model: Model, shared: FloatArray, local: FloatArray) -> Course:
     """Simulate sets of coordinates: shared (S, P), local (S, T, L), L = 2·X + the effects' nuisances.
 
     Where the motors' motion was reconstructed, it answers to the force that a set makes: otherwise a fit would take
@@ -183,7 +166,7 @@ def predict(moves: Moves, model: Model, shared: FloatArray, local: FloatArray) -
     said = simulated(moves, model, shared, local, c)
     if moves.reference is None:
         return said
-    changed = said.force - moves.reference
+    changed = said.force() - moves.reference
     for t, echoes in enumerate(moves.echoes):
         for x, answer in enumerate(echoes):
             x_mot, v, a = np.nan_to_num(changed[:, t, x]) @ answer.swapaxes(1, 2)
@@ -196,7 +179,7 @@ def free_values(model: Model, shared: FloatArray) -> Values:
     return {p.name: p.value(shared[:, k]) for k, p in enumerate(model.parameters)}
 
 
-def simulated(moves: Moves, model: Model, shared: FloatArray, local: FloatArray, c: FloatArray) -> Predicted:
+def simulated(moves: Moves, model: Model, shared: FloatArray, local: FloatArray, c: FloatArray) -> Course:
     """As `predict`, for a given motion of the motors c (S, T, K, X, 5)."""
     free = free_values(model, shared)
     values = model.complete(free)
@@ -209,13 +192,12 @@ def simulated(moves: Moves, model: Model, shared: FloatArray, local: FloatArray,
     nuisance = np.empty((S, len(moves.grids), len(model.nuisance)))
     for k, p in enumerate(model.nuisance):
         nuisance[..., k] = p.value(local[..., 2 * X + k])
-    said = simulate(model, free, c, moves.s, load, moves.h, nuisance, moves.start)
-    return Predicted(said.acceleration, said.force)
+    return course_of(model, free, c, moves.s, load, moves.h, nuisance, moves.start)
 
 
-def residuals(moves: Moves, said: Predicted) -> FloatArray:
+def residuals(moves: Moves, said: Course) -> FloatArray:
     """(measured − predicted) of the samples used, over the standard deviation that is expected of it: (S, N)."""
-    difference = (moves.measured - said.acceleration) / (moves.noise[:, None] * moves.expected)
+    difference = (moves.measured - said.acceleration()) / (moves.noise[:, None] * moves.expected)
     return np.asarray(difference[:, moves.used])
 
 

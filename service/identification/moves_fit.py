@@ -226,7 +226,7 @@ def rests_found(moves: Sequence[Moves], model: Model, at: Point) -> Point:
                 tried[j, :, 2 * x + 1] = 0.0
             with np.errstate(all="ignore"):
                 said = predict(part, model, sets, tried)
-            error = np.where(part.used, (part.measured - said.acceleration) / part.noise[:, None], 0.0)
+            error = np.where(part.used, (part.measured - said.acceleration()) / part.noise[:, None], 0.0)
             best = np.argmin(np.nan_to_num(np.sum(error**2, axis=(2, 3)), nan=np.inf), axis=0)
             best_own = tried[best, np.arange(len(best))]
             tried[:] = best_own
@@ -270,6 +270,6 @@ def reconstructed(found: Fitted, follow: bool = True) -> tuple[Moves, ...]:
     """The moves with the motor's motion reconstructed from the fit; with `follow` it goes on following the force."""
     out = []
     for part, local in zip(found.moves, found.at.local, strict=True):
-        force = predict(part, found.model, found.at.shared[None], local[None]).force[0]
+        force = predict(part, found.model, found.at.shared[None], local[None]).force()[0]
         out.append(with_reconstructed_motion(part, found.model, found.at.shared, force, follow))
     return tuple(out)
