@@ -20,8 +20,9 @@ from scipy.linalg import cho_factor, cho_solve
 from service.dynamics.driven import Course, Response, course_of
 from service.dynamics.driven_balance import Along, along, balance
 from service.dynamics.driven_model import LINKS, Model, Parameter, Values
-from service.dynamics.driven_motion import StepGrid, between, of_motors
+from service.dynamics.driven_motion import StepGrid, of_motors
 from service.dynamics.driven_recoil import Recoil
+from service.dynamics.driven_reconstruction import answered
 from service.recording import FloatArray
 
 DIFFERENCE = 1e-4
@@ -265,8 +266,9 @@ def course_at(
         return course_of(problem.driven, free, moved, problem.s, load, problem.grids[0].h)
 
     course = simulated(c)
-    if problem.echoes and problem.following is None:
-        return simulated(c + followed(problem, course.force()))
+    if problem.force is not None and problem.echoes and problem.following is None:
+        changed = course.force() - problem.force
+        return simulated(c + answered(changed, problem.echoes, problem.grids[0].h))
     return course
 
 
@@ -299,20 +301,6 @@ def balanced(problem: Problem, values: Values, seen: Along, local: FloatArray) -
     motor = seen.motors(skews, (local * problem.local_spread)[..., 2:])
     load = load_start(problem, values, motor.swapaxes(2, 3), local)
     return Balanced(*balance(problem.model, values, problem.s, seen, motor, load))
-
-
-def followed(problem: Problem, force: FloatArray) -> FloatArray:
-    """What the motors' motion changes with the force on them: (S, T, X, K + 1) -> (S, T, K, X, 5)."""
-    S, T, X, points = force.shape
-    out = np.empty((S, T, points - 1, X, 5))
-    assert problem.force is not None
-    for t in range(T):
-        for x in range(X):
-            moved_x, moved_v, moved_a = (force[:, t, x] - problem.force[t, x]) @ problem.echoes[t][
-                x
-            ].swapaxes(1, 2)
-            out[:, t, :, x] = between(moved_x, moved_v, moved_a, problem.grids[0].h)
-    return out
 
 
 def residuals(problem: Problem, acceleration: FloatArray) -> FloatArray:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
 from service.dynamics.driven_parameters import Parameter, Structure, Values
@@ -76,12 +77,12 @@ class DrivenEffect:
     bends_friction: ClassVar[bool] = False
     contains: ClassVar[tuple[str, ...]] = ()
 
-    @property
+    @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """All its parameters; an axis' carry its name in front, `X1.gain_error`."""
         return (*(p.of(axis) for axis in self.axes for p in self.own), *self.shared)
 
-    @property
+    @cached_property
     def nuisance(self) -> tuple[Parameter, ...]:
         """Its coordinates of every step: an axis' own first."""
         return (*(p.of(axis) for axis in self.axes for p in self.own_nuisance), *self.shared_nuisance)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -53,7 +54,7 @@ class Model(Structure):
     held: tuple[str, ...] = ()
     bridge: bool = True
 
-    @property
+    @cached_property
     def of_axis(self) -> tuple[Parameter, ...]:
         """Parameters of each axis, the held ones too."""
         turnover = (TURNOVER,) if self.friction == "whole_move" else ()
@@ -61,14 +62,14 @@ class Model(Structure):
             AXIS_PARAMETERS + turnover + tuple(p for link in LINKS[self.lumps] for p in LINK_PARAMETERS[link])
         )
 
-    @property
+    @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """All free shared parameters; an axis' carry its name in front, `X1.backlash`."""
         named = [p.of(a) for a in self.axes for p in self.of_axis if p.name not in self.held]
         bridge = BRIDGE_PARAMETERS if len(self.axes) == 2 and self.bridge else ()
         return (*named, *bridge, *(p for effect in self.effects for p in effect.parameters))
 
-    @property
+    @cached_property
     def nuisance(self) -> tuple[Parameter, ...]:
         """Coordinates of every step that the effects add to the load's own position and speed."""
         return tuple(p for effect in self.effects for p in effect.nuisance)
@@ -81,7 +82,7 @@ class Model(Structure):
     def complete(self, values: Values) -> Values:
         """The values of the free parameters, the held ones, and what effects make of both."""
         S = len(next(iter(values.values())))
-        held = {p.of(a).name: p.typical for a in self.axes for p in self.of_axis if p.name in self.held}
+        held = {f"{a}.{p.name}": p.typical for a in self.axes for p in self.of_axis if p.name in self.held}
         whole: Mapping[str, FloatArray] = {name: np.full(S, x) for name, x in held.items()} | dict(values)
         for effect in self.effects:
             whole = effect.restate(whole)

@@ -17,6 +17,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline, PPoly
 from scipy.signal import lfilter
 
+from service.dynamics.driven_motion import between
 from service.recording import FloatArray, Trace
 
 EDGE_SAMPLES = 3
@@ -186,3 +187,19 @@ def echo(speed: Trace, load: Load, balance: Balance) -> FloatArray:
     gone = left.antiderivative()
     position = twice(time) - twice(time[0]) - gone(time) + gone(time[0])
     return -balance.force * np.stack((position, once(time) - left(time), force(time) - left(time, 1)))
+
+
+def answered(changed: FloatArray, echoes: Sequence[Sequence[FloatArray]], h: float) -> FloatArray:
+    """What the motors' motion changes where the forces on them change by (S, T, X, K + 1), each having an echo (T, X):
+    (S, T, K, X, 5). Steps that share an echo are done at once."""
+    S, T, X, points = changed.shape
+    out = np.empty((S, T, points - 1, X, 5))
+    for x in range(X):
+        alike: dict[int, list[int]] = {}
+        for t in range(T):
+            alike.setdefault(id(echoes[t][x]), []).append(t)
+        for steps in alike.values():
+            answer = echoes[steps[0]][x].reshape(-1, points)
+            moved = (changed[:, steps, x].reshape(-1, points) @ answer.T).reshape(S, len(steps), 3, points)
+            out[:, :, :, x][:, steps] = between(moved[:, :, 0], moved[:, :, 1], moved[:, :, 2], h)
+    return out

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import PPoly
@@ -18,13 +19,12 @@ from service.dynamics.driven import Course, course_of
 from service.dynamics.driven_model import Model, Values
 from service.dynamics.driven_motion import (
     StepGrid,
-    between,
     of_motors,
     on_grid,
     plain_motion,
     sample_period,
 )
-from service.dynamics.driven_reconstruction import Balance, Load, echo, window
+from service.dynamics.driven_reconstruction import Balance, Load, answered, echo, window
 from service.recording import FloatArray, Recording, Trace
 
 LEAD = 0.002
@@ -69,20 +69,20 @@ class Moves:
     def samples(self) -> int:
         return int(self.grids[0].measured.shape[1])
 
-    @property
+    @cached_property
     def s(self) -> FloatArray:
         return np.array([float(grid.s) for grid in self.grids])
 
-    @property
+    @cached_property
     def start(self) -> FloatArray:
         return np.array([grid.start for grid in self.grids])
 
-    @property
+    @cached_property
     def used(self) -> FloatArray:
         """(T, X, K) bool: which samples are compared."""
         return np.stack([grid.used for grid in self.grids])
 
-    @property
+    @cached_property
     def measured(self) -> FloatArray:
         """(T, X, K), NaN where a sample was lost."""
         return np.stack([grid.measured for grid in self.grids])
@@ -166,11 +166,7 @@ def predict(moves: Moves, model: Model, shared: FloatArray, local: FloatArray) -
     said = simulated(moves, model, shared, local, c)
     if moves.reference is None:
         return said
-    changed = said.force() - moves.reference
-    for t, echoes in enumerate(moves.echoes):
-        for x, answer in enumerate(echoes):
-            x_mot, v, a = np.nan_to_num(changed[:, t, x]) @ answer.swapaxes(1, 2)
-            c[:, t, :, x] += between(x_mot, v, a, moves.h)
+    c += answered(np.nan_to_num(said.force() - moves.reference), moves.echoes, moves.h)
     return simulated(moves, model, shared, local, c)
 
 

@@ -89,28 +89,33 @@ def priors(at: Point, free: Free) -> FloatArray:
     return np.concatenate([at.shared[free], *(local.ravel() for local in at.local)])
 
 
-def jacobian(moves: Sequence[Moves], model: Model, at: Point, free: Free) -> tuple[FloatArray, FloatArray]:
-    """Residuals (N,) and derivative with respect to the free shared coordinates and those of the moves."""
+def jacobian(
+    moves: Sequence[Moves], model: Model, at: Point, free: Free, known: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Residuals (N,), which may be known, and derivative with respect to the free shared coordinates and those of the
+    moves."""
     P, L = len(free), width(model)
+    own = 0 if known is not None else 1
     blocks, rows = [], []
     total = sum(local.size for local in at.local)
-    first = P
+    first, begin = P, 0
     for part, local in zip(moves, at.local, strict=True):
-        sets, own = np.tile(at.shared, (1 + P + L, 1)), np.tile(local, (1 + P + L, 1, 1))
+        sets, lanes = np.tile(at.shared, (own + P + L, 1)), np.tile(local, (own + P + L, 1, 1))
         for row, k in enumerate(free):
-            sets[1 + row, k] += DIFFERENCE
+            sets[own + row, k] += DIFFERENCE
         for j in range(L):
-            own[1 + P + j, :, j] += DIFFERENCE
-        r = residuals(part, predict(part, model, sets, own))
-        slopes = (r[1:] - r[0]) / DIFFERENCE
+            lanes[own + P + j, :, j] += DIFFERENCE
+        r = residuals(part, predict(part, model, sets, lanes))
+        here = r[0] if known is None else known[begin : begin + r.shape[1]]
+        slopes = (r[own:] - here) / DIFFERENCE
         J = np.zeros((r.shape[1], P + total))
         J[:, :P] = slopes[:P].T
         move_of = np.nonzero(part.used)[0]
         for j in range(L):
             J[np.arange(len(move_of)), first + move_of * L + j] = slopes[P + j]
-        first += local.size
+        first, begin = first + local.size, begin + r.shape[1]
         blocks.append(J)
-        rows.append(r[0])
+        rows.append(here)
     J = np.vstack(blocks)
     return np.concatenate(rows), np.where(np.abs(J) < OVERFLOWN, J, 0.0)
 
@@ -131,49 +136,55 @@ def cost(at: Point, r: FloatArray, scale: float, free: Free) -> float:
     return total if np.isfinite(total) else np.inf
 
 
-def trials(moves: Sequence[Moves], model: Model, points: Sequence[Point]) -> list[FloatArray]:
-    """Residuals of several points, per recording (points, N)."""
+def trials(moves: Sequence[Moves], model: Model, points: Sequence[Point]) -> FloatArray:
+    """Residuals of several points (points, N)."""
     shared = np.stack([p.shared for p in points])
-    return [
-        residuals(part, predict(part, model, shared, np.stack([p.local[k] for p in points])))
-        for k, part in enumerate(moves)
-    ]
+    return np.hstack(
+        [
+            residuals(part, predict(part, model, shared, np.stack([p.local[k] for p in points])))
+            for k, part in enumerate(moves)
+        ]
+    )
 
 
-def best_trial(
-    moves: Sequence[Moves], model: Model, points: Sequence[Point], scale: float, free: Free
-) -> tuple[int, float]:
-    """Which of the points has the lowest cost, and that cost."""
-    costs = [
-        cost(p, row, scale, free)
-        for p, row in zip(points, np.hstack(trials(moves, model, points)), strict=True)
-    ]
-    return int(np.argmin(costs)), float(np.min(costs))
+def damped(H: FloatArray, g: FloatArray, dampings: FloatArray) -> FloatArray:
+    """Steps (…, dampings, n) from information (…, n, n) and gradient (…, n), of at most 2 in any coordinate."""
+    raised = H[..., None, :, :] + dampings[:, None, None] * (H * np.eye(H.shape[-1]))[..., None, :, :]
+    steps = -np.linalg.solve(raised, np.broadcast_to(g[..., None, :, None], (*raised.shape[:-1], 1)))[..., 0]
+    return np.asarray(steps * np.minimum(1.0, 2.0 / np.max(np.abs(steps), axis=-1, keepdims=True)))
 
 
-def settle_locally(moves: Sequence[Moves], model: Model, at: Point, scale: float) -> Point:
-    """One step of every move's own coordinates, the shared ones held: each move with the damping that suits it."""
-    L, local = width(model), []
+def settle_locally(
+    moves: Sequence[Moves], model: Model, at: Point, scale: float, known: FloatArray
+) -> tuple[Point, FloatArray]:
+    """One step of every move's own coordinates, the shared ones held: each move with the damping that suits it.
+
+    `known` and what is returned with the point are the residuals there (N,).
+    """
+    L, local, rows, first = width(model), [], [], 0
     for part, own in zip(moves, at.local, strict=True):
         T = len(own)
-        lanes = np.tile(own, (1 + L, 1, 1))
+        ends = np.cumsum([0, *(int(np.sum(used)) for used in part.used)])
+        here = known[first : first + ends[-1]]
+        lanes = np.tile(own, (L, 1, 1))
         for j in range(L):
-            lanes[1 + j, :, j] += DIFFERENCE
-        r = residuals(part, predict(part, model, np.tile(at.shared, (1 + L, 1)), lanes))
-        ends = np.cumsum([0, *(int(np.sum(grid.used)) for grid in part.grids)])
-        tried = np.tile(own, (1 + len(LADDER), 1, 1))
+            lanes[j, :, j] += DIFFERENCE
+        r = residuals(part, predict(part, model, np.tile(at.shared, (L, 1)), lanes))
+        H, g = np.empty((T, L, L)), np.empty((T, L))
         for t in range(T):
-            rows = slice(ends[t], ends[t + 1])
-            J = np.nan_to_num((r[1:, rows] - r[0, rows]).T / DIFFERENCE)
-            H, g = J.T @ J / scale**2 + np.eye(L), J.T @ np.nan_to_num(r[0, rows]) / scale**2 + own[t]
-            for k, damping in enumerate(LADDER):
-                step = -np.linalg.solve(H + damping * np.diag(np.diag(H)), g)
-                tried[1 + k, t] += step * min(1.0, 2.0 / float(np.max(np.abs(step))))
+            of = slice(ends[t], ends[t + 1])
+            J = np.nan_to_num((r[:, of] - here[of]).T / DIFFERENCE)
+            H[t] = J.T @ J / scale**2 + np.eye(L)
+            g[t] = J.T @ np.nan_to_num(here[of]) / scale**2 + own[t]
+        tried = own + np.swapaxes(damped(H, g, LADDER), 0, 1)
         said = residuals(part, predict(part, model, np.tile(at.shared, (len(tried), 1)), tried))
+        tried, said = np.concatenate((own[None], tried)), np.concatenate((here[None], said))
         squares = np.add.reduceat(said**2, ends[:-1], axis=1) / scale**2 + np.sum(tried**2, axis=2)
         best = np.argmin(np.nan_to_num(squares, nan=np.inf), axis=0)
         local.append(tried[best, np.arange(T)])
-    return Point(at.shared, tuple(local))
+        rows.append(said[np.repeat(best, np.diff(ends)), np.arange(ends[-1])])
+        first += ends[-1]
+    return Point(at.shared, tuple(local)), np.concatenate(rows)
 
 
 def fit(
@@ -194,19 +205,19 @@ def fit(
             H = J.T @ J / scale**2 + np.eye(J.shape[1])
             g = J.T @ r / scale**2 + priors(at, free)
             dampings = damping * LADDER
-            points = []
-            for one in dampings:
-                step = -np.linalg.solve(H + one * np.diag(np.diag(H)), g)
-                points.append(moved(at, step * min(1.0, 2.0 / float(np.max(np.abs(step)))), free))
+            points = [moved(at, step, free) for step in damped(H, g, dampings)]
             before = cost(at, r, scale, free)
-            best, reached = best_trial(moves, model, points, scale, free)
-            if reached < before:
-                at, damping = points[best], float(np.clip(dampings[best], 1e-6, 1e6))
+            tried = trials(moves, model, points)
+            costs = [cost(p, row, scale, free) for p, row in zip(points, tried, strict=True)]
+            best = int(np.argmin(costs))
+            if costs[best] < before:
+                at, r, damping = points[best], tried[best], float(np.clip(dampings[best], 1e-6, 1e6))
             else:
                 damping *= 1e4
-            at = settle_locally(moves, model, at, scale)
-            r, J = jacobian(moves, model, at, free)
-            if before - cost(at, r, scale, free) < tolerance and (reached < before or damping > 1e3):
+            gained = costs[best] < before
+            at, r = settle_locally(moves, model, at, scale, r)
+            r, J = jacobian(moves, model, at, free, r)
+            if before - cost(at, r, scale, free) < tolerance and (gained or damping > 1e3):
                 break
     return Fitted(model, tuple(moves), at, np.nan_to_num(r, nan=OVERFLOWN), J)
 
