@@ -13,7 +13,7 @@ from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_library import DRIVEN
 from service.identification.expected_errors import expected_errors, speed_errors, speed_noise
 from service.identification.held_out import held_out
-from service.identification.moves import Moves, early_part, moves_of, noise_at_rest, predict
+from service.identification.moves import Moves, early_part, moves_of, noise_at_rest, predict, residuals
 from service.identification.moves_fit import (
     Fitted,
     as_alike_moves,
@@ -109,10 +109,13 @@ def test_each_move_is_settled_by_itself(found: Fitted) -> None:
     local = found.at.local[0].copy()
     local[3, 0] += 0.02
     at = replace(found.at, local=(local,))
-    for _ in range(4):
-        at = settle_locally(found.moves, found.model, at, 1.0)
     moves: Moves = found.moves[0]
-    said = predict(moves, found.model, at.shared[None], at.local[0][None]).acceleration[0]
+    r = residuals(moves, predict(moves, found.model, at.shared[None], at.local[0][None]))[0]
+    for _ in range(4):
+        at, r = settle_locally(found.moves, found.model, at, 1.0, r)
+    course = predict(moves, found.model, at.shared[None], at.local[0][None])
+    assert np.allclose(r, residuals(moves, course)[0], atol=1e-6)
+    said = course.acceleration()[0]
     errors = np.where(moves.used, (moves.measured - said) / moves.noise[:, None], 0.0)
     per_move = np.sqrt(np.mean(errors**2, axis=(1, 2)))
     assert per_move[3] < 1.5 * np.median(per_move)
