@@ -18,7 +18,7 @@ from scipy.interpolate import PPoly
 from scipy.linalg import cho_factor, cho_solve
 
 from service.dynamics.driven import Course, Response, course_of
-from service.dynamics.driven_balance import Along, along, balance
+from service.dynamics.driven_balance import Along, Balanced, along, balance
 from service.dynamics.driven_model import LINKS, Model, Parameter, Values
 from service.dynamics.driven_motion import StepGrid, of_motors
 from service.dynamics.driven_recoil import Recoil
@@ -270,29 +270,6 @@ def course_at(
         changed = course.force() - problem.force
         return simulated(c + answered(changed, problem.echoes, problem.grids[0].h))
     return course
-
-
-@dataclass(frozen=True)
-class Balanced:
-    """What the balance along the loads' measured motion says of sets of coordinates; as a Course."""
-
-    accelerations: FloatArray
-    forces: FloatArray
-
-    def only(self, k: int) -> Balanced:
-        return Balanced(self.accelerations[k : k + 1], self.forces[k : k + 1])
-
-    def acceleration(self) -> FloatArray:
-        return self.accelerations
-
-    def force(self) -> FloatArray:
-        return self.forces
-
-    def recoil(self) -> None:
-        return None
-
-    def response(self) -> Response:
-        return Response(self.accelerations, self.forces, np.zeros((len(self.forces), 0)))
 
 
 def balanced(problem: Problem, values: Values, seen: Along, local: FloatArray) -> Balanced:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from service.dynamics.driven import Response
 from service.dynamics.driven_model import LINKS, Model, Values, spring_damper
 from service.recording import FloatArray
 
@@ -43,6 +44,34 @@ class Along:
     def first_steps(self, n: int) -> Along:
         """The same for the first n steps."""
         return replace(self, motor=self.motor[:n], load=self.load[:n])
+
+
+@dataclass(frozen=True)
+class Balanced:
+    """What the balance says of all sets, as a driven.Course does what a simulation says.
+
+    Attributes
+    ----------
+    accelerations, forces : (S, T, X, K), (S, T, X, K + 1), see balance
+    """
+
+    accelerations: FloatArray
+    forces: FloatArray
+
+    def only(self, k: int) -> Balanced:
+        return Balanced(self.accelerations[k : k + 1], self.forces[k : k + 1])
+
+    def acceleration(self) -> FloatArray:
+        return self.accelerations
+
+    def force(self) -> FloatArray:
+        return self.forces
+
+    def recoil(self) -> None:
+        return None
+
+    def response(self) -> Response:
+        return Response(self.accelerations, self.forces, np.zeros((len(self.forces), 0)))
 
 
 def along(motor: FloatArray, measured: FloatArray, h: float) -> Along:
