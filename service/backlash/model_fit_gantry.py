@@ -150,5 +150,10 @@ def over_all_steps(measured: Measured, problem: Problem, begin: Point, effort: E
     problem, at = settled(measured, problem, begin, SETTLED, with_reconstructed_motion)
     plain = passes(measured, problem, at, effort.refine, with_reconstructed_motion)
     best = min(plain, key=lambda o: o.fit.cost)
-    followed = with_following_motors(measured, best.problem, best.fit)
-    return plain + passes(measured, followed, best.fit.point, effort.following, with_following_motors)
+    return plain + passes(
+        measured,
+        with_following_motors(measured, best.problem, best.fit),
+        best.fit.point,
+        effort.following,
+        with_following_motors,
+    )

@@ -68,12 +68,12 @@ class Motor:
 def with_following_motors(measured: Measured, problem: Problem, fit: Fit) -> Problem:
     """The problem with the motors' motion between their samples by the fit's forces and the torque, eq. (1), and with
     the motors answering other forces."""
-    force, e = converged(problem, fit)
+    force, e = fit.response.force[0], fit.response.recoil
     motors = [motor_of(measured, problem, fit, force[:, x], x) for x in range(len(measured.axes))]
     recoil = Recoil(
         measured.axes, tuple(m.balance.force for m in motors), RECOIL / min(m.period for m in motors)
     )
-    begun = recoil_of(problem, recoil, force, e)
+    begun = recoil_of(problem, recoil, force, None if e is None else e[0])
     columns = [
         [
             reconstructed(step, f, motor.spreads, motor.balance, gone, before[x])
@@ -85,14 +85,6 @@ def with_following_motors(measured: Measured, problem: Problem, fit: Fit) -> Pro
     ]
     moved = replace(problem, motion=tuple(zip(*columns, strict=True)), recoil=recoil, following=None)
     return replace(moved, following=following(moved, fit.point, motors, force))
-
-
-def converged(problem: Problem, fit: Fit) -> tuple[FloatArray, FloatArray | None]:
-    """Forces (T, X, K + 1) on the motors and their recoil (T, X, K + 1, 2), the answer to both taken in."""
-    force, e = fit.response.force[0], fit.response.recoil
-    if problem.following is None or e is None:
-        return force, None if e is None else e[0]
-    return problem.following.settled(force, e[0])
 
 
 def recoil_of(problem: Problem, recoil: Recoil, force: FloatArray, e: FloatArray | None) -> FloatArray:
@@ -160,22 +152,24 @@ def curves(samples: int, h: float) -> tuple[FloatArray, FloatArray]:
 
 
 def following(problem: Problem, at: Point, motors: Sequence[Motor], force: FloatArray) -> Following:
-    """How the motors follow other forces around a point, beyond their recoil."""
+    """How the motors follow other forces around a point, beyond their recoil; one step after the other, since what is
+    in between is as large as the answer."""
     T, X, K = len(problem.grids), len(motors), problem.samples
     h, recoil = problem.grids[0].h, problem.recoil
     assert recoil is not None
     speeds, motions = curves(K, h)
-    B, fitted = speeds.shape[1], speeds.T
-    beyond = np.zeros((T, X, B, X, K + 1))
-    for x, motor in enumerate(motors):
-        gone = recoil.under(np.eye(K + 1), x, h)[..., 1]
-        for t, step in enumerate(motor.steps):
-            beyond[t, x, :, x] = fitted @ (reaction(step, motor.spreads, motor.balance) - gone)
+    B = speeds.shape[1]
     slopes = sensitivities(problem, at, motions)
-    P, G = beyond.reshape(T, X * B, -1), slopes.forces
-    loop = np.eye(X * B) - P @ G
-    answer = np.linalg.solve(loop.swapaxes(1, 2) @ loop + GUARD**2 * np.eye(X * B), loop.swapaxes(1, 2) @ P)
-    return replace(slopes, force=force, answer=np.asarray(answer, dtype=np.float64))
+    gone = [recoil.under(np.eye(K + 1), x, h)[..., 1] for x in range(X)]
+    answer = np.empty((T, X * B, X * (K + 1)))
+    for t in range(T):
+        beyond = np.zeros((X, B, X, K + 1))
+        for x, motor in enumerate(motors):
+            beyond[x, :, x] = speeds.T @ (reaction(motor.steps[t], motor.spreads, motor.balance) - gone[x])
+        P = beyond.reshape(X * B, -1)
+        loop = np.eye(X * B) - P @ slopes.forces[t]
+        answer[t] = np.linalg.solve(loop.T @ loop + GUARD**2 * np.eye(X * B), loop.T @ P)
+    return replace(slopes, force=force, answer=answer)
 
 
 def sensitivities(problem: Problem, at: Point, motions: FloatArray) -> Following:

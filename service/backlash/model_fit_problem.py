@@ -87,7 +87,7 @@ class Following:
         return force + (self.forces @ eta).reshape(force.shape), e + (self.recoil @ eta).reshape(e.shape)
 
     def judged(self) -> Following:
-        """Without what only a further reconstruction needs."""
+        """Without what only the forces need with which the motion is reconstructed further."""
         return replace(self, forces=self.forces[:0], recoil=self.recoil[:0])
 
     def first_steps(self, n: int) -> Following:
@@ -152,8 +152,16 @@ class Problem:
         return said if self.following is None else self.following.added(said, course.force())
 
     def response(self, course: Course | Balanced) -> Response:
-        """All that is predicted of simulated sets."""
-        return replace(course.response(), acceleration=self.predicted(course))
+        """All that is predicted of one simulated set."""
+        said = replace(course.response(), acceleration=self.predicted(course))
+        if self.following is None or said.recoil is None or not len(self.following.forces):
+            return said
+        force, e = self.following.settled(said.force[0], said.recoil[0])
+        return replace(said, force=force[None], recoil=e[None])
+
+    def judged(self) -> Problem:
+        """Without what only the forces need with which the motion is reconstructed further; it is large."""
+        return self if self.following is None else replace(self, following=self.following.judged())
 
     def first_steps(self, n: int) -> Problem:
         """The same problem with the first n steps only."""

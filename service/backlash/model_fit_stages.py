@@ -84,11 +84,8 @@ class Outcome:
     fit: Fit
 
     def kept(self, best: Outcome) -> Outcome:
-        """The best outcome without what only a further reconstruction needs, any other lean."""
-        following = self.problem.following
-        if self is not best or following is None:
-            return self.lean()
-        return Outcome(replace(self.problem, following=following.judged()), self.fit)
+        """The best outcome as it is, any other lean."""
+        return self if self is best else self.lean()
 
     def lean(self) -> Outcome:
         """Without the motors' following, which is large; what was fitted stays."""
@@ -131,12 +128,14 @@ def passes(
     They end where the cost stands still: within half a unit, or within the share `still` of it.
     """
     found = fit(problem, start, rounds[0], 1.0)
+    problem = problem.judged()
     out = [Outcome(problem, found)]
     for more in rounds[1:]:
         if found.misfit > HOPELESS:
             break
         problem = motors(measured, problem, found)
         found = fit(problem, found.point, more, 0.3)
+        problem = problem.judged()
         best = min(out, key=lambda o: o.fit.cost)
         out = [*(o.kept(best) for o in out), Outcome(problem, found)]
         if abs(out[-2].fit.cost - found.cost) < max(0.5, still * found.cost):
