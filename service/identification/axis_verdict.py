@@ -126,12 +126,13 @@ def covariance(found: Fitted) -> FloatArray:
     """(P, P) of the shared coordinates, robust against coloured residuals: moves are taken as the independent
     blocks (the sandwich of Huber and White), but never less than by white noise."""
     P = len(found.model.parameters)
-    H = np.linalg.inv(found.J.T @ found.J + np.eye(found.J.shape[1]))
+    J = found.slopes.dense()
+    H = np.linalg.inv(J.T @ J + np.eye(J.shape[1]))
     scores, first = [], 0
     for part in found.moves:
         move_of = np.nonzero(part.used)[0]
         rows = slice(first, first + len(move_of))
-        weighted = found.J[rows] * found.r[rows, None]
+        weighted = J[rows] * found.r[rows, None]
         scores += [weighted[move_of == t].sum(axis=0) for t in range(len(part.grids))]
         first += len(move_of)
     meat = np.stack(scores).T @ np.stack(scores) * len(scores) / max(1, len(scores) - 1)

@@ -6,8 +6,9 @@ max(1, present misfit), so that the priors hold while the fit is still bad.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,14 +41,62 @@ class Point:
 
 
 @dataclass(frozen=True)
+class Slopes:
+    """Derivative of residuals (N,), move after move: a move's own coordinates change its own residuals only.
+
+    Attributes
+    ----------
+    shared : (N, P) with respect to the free shared coordinates
+    own : (N, L) with respect to those of the residual's move
+    ends : (T + 1,) where the moves of all recordings begin and end
+    """
+
+    shared: FloatArray
+    own: FloatArray
+    ends: NDArray[np.int64]
+
+    def moves(self) -> Iterator[tuple[slice, slice]]:
+        """Rows and columns of every move."""
+        P, L = self.shared.shape[1], self.own.shape[1]
+        for t, (begin, end) in enumerate(pairwise(self.ends)):
+            yield slice(begin, end), slice(P + t * L, P + (t + 1) * L)
+
+    @property
+    def size(self) -> int:
+        """Coordinates, those of all moves with them."""
+        return int(self.shared.shape[1]) + (len(self.ends) - 1) * int(self.own.shape[1])
+
+    def dense(self) -> FloatArray:
+        """(N, size)."""
+        J = np.zeros((len(self.shared), self.size))
+        J[:, : self.shared.shape[1]] = self.shared
+        for rows, columns in self.moves():
+            J[rows, columns] = self.own[rows]
+        return J
+
+    def normal(self, r: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Products of the derivative with itself (size, size) and with residuals r (size,)."""
+        P = self.shared.shape[1]
+        H, g = np.zeros((self.size, self.size)), np.zeros(self.size)
+        H[:P, :P], g[:P] = self.shared.T @ self.shared, self.shared.T @ r
+        for rows, columns in self.moves():
+            shared, own = self.shared[rows], self.own[rows]
+            H[:P, columns] = shared.T @ own
+            H[columns, :P] = H[:P, columns].T
+            H[columns, columns] = own.T @ own
+            g[columns] = own.T @ r[rows]
+        return H, g
+
+
+@dataclass(frozen=True)
 class Fitted:
-    """A model at a point of its coordinates, with residuals over the noise (N,) and their derivative (N, P + …)."""
+    """A model at a point of its coordinates, with residuals over the noise (N,) and their derivative."""
 
     model: Model
     moves: tuple[Moves, ...]
     at: Point
     r: FloatArray
-    J: FloatArray
+    slopes: Slopes
 
     @property
     def rms(self) -> float:
@@ -91,14 +140,13 @@ def priors(at: Point, free: Free) -> FloatArray:
 
 def jacobian(
     moves: Sequence[Moves], model: Model, at: Point, free: Free, known: FloatArray | None = None
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[FloatArray, Slopes]:
     """Residuals (N,), which may be known, and derivative with respect to the free shared coordinates and those of the
     moves."""
     P, L = len(free), width(model)
     own = 0 if known is not None else 1
-    blocks, rows = [], []
-    total = sum(local.size for local in at.local)
-    first, begin = P, 0
+    slopes, rows, counts = [], [], [0]
+    begin = 0
     for part, local in zip(moves, at.local, strict=True):
         sets, lanes = np.tile(at.shared, (own + P + L, 1)), np.tile(local, (own + P + L, 1, 1))
         for row, k in enumerate(free):
@@ -106,18 +154,14 @@ def jacobian(
         for j in range(L):
             lanes[own + P + j, :, j] += DIFFERENCE
         r = residuals(part, predict(part, model, sets, lanes))
-        here = r[0] if known is None else known[begin : begin + r.shape[1]]
-        slopes = (r[own:] - here) / DIFFERENCE
-        J = np.zeros((r.shape[1], P + total))
-        J[:, :P] = slopes[:P].T
-        move_of = np.nonzero(part.used)[0]
-        for j in range(L):
-            J[np.arange(len(move_of)), first + move_of * L + j] = slopes[P + j]
-        first, begin = first + local.size, begin + r.shape[1]
-        blocks.append(J)
-        rows.append(here)
-    J = np.vstack(blocks)
-    return np.concatenate(rows), np.where(np.abs(J) < OVERFLOWN, J, 0.0)
+        rows.append(r[0] if known is None else known[begin : begin + r.shape[1]])
+        slopes.append((r[own:] - rows[-1]) / DIFFERENCE)
+        counts += [int(np.sum(used)) for used in part.used]
+        begin += r.shape[1]
+    J = np.hstack(slopes).T
+    J = np.where(np.abs(J) < OVERFLOWN, J, 0.0)
+    shared, own_slopes = np.ascontiguousarray(J[:, :P]), np.ascontiguousarray(J[:, P:])
+    return np.concatenate(rows), Slopes(shared, own_slopes, np.cumsum(counts))
 
 
 def moved(at: Point, step: FloatArray, free: Free) -> Point:
@@ -202,8 +246,8 @@ def fit(
         r, J = jacobian(moves, model, at, free)
         for _ in range(rounds if np.all(np.isfinite(r)) else 0):
             scale = max(1.0, float(np.sqrt(np.mean(r**2))))
-            H = J.T @ J / scale**2 + np.eye(J.shape[1])
-            g = J.T @ r / scale**2 + priors(at, free)
+            H, g = J.normal(r)
+            H, g = H / scale**2 + np.eye(len(H)), g / scale**2 + priors(at, free)
             dampings = damping * LADDER
             points = [moved(at, step, free) for step in damped(H, g, dampings)]
             before = cost(at, r, scale, free)

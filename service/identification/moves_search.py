@@ -80,7 +80,7 @@ def scored(found: Fitted, candidate: Candidate, base: Values) -> list[Values]:
     """
     model, out = candidate.model, []
     amounts = [k for k, p in enumerate(model.parameters) if p.dose and p.name not in base]
-    basis = np.linalg.qr(found.J)[0]
+    basis = np.linalg.qr(found.slopes.dense())[0]
     left = found.r - basis @ (basis.T @ found.r)
     for start in candidate.effect.starts:
         values = dict(base) | dict(start)
