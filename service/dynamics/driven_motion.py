@@ -108,10 +108,12 @@ def of_motors(
     out = np.empty((S, len(starts), K, X, 5))
     for x in range(X):
         levels, of = np.unique(skews[:, x], return_inverse=True)
-        for u, skew in enumerate(levels):
-            lanes = of == u
-            for t, start in enumerate(starts):
-                out[lanes, t, :, x] = coefficients(motion[t][x], start + skew, h, K)
+        looked_up = np.empty((len(levels), len(starts), K, 5))
+        for t, start in enumerate(starts):
+            c, places = np.ascontiguousarray(motion[t][x].c), motion[t][x].x
+            for u, skew in enumerate(levels):
+                fill(c, places, float(start + skew), float(h), looked_up[u, t])
+        out[:, :, :, x] = looked_up[of] if len(levels) > 1 else looked_up
     return out
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
+from scipy.fft import next_fast_len
 
 from service.backlash.model_fit import GANTRY, SINGLE
 from service.backlash.model_fit_data import measure
@@ -75,12 +76,13 @@ def smeared(course: FloatArray, spread: FloatArray) -> FloatArray:
     if not np.any(spread):
         return course
     K, room = course.shape[-1], 8
+    length = next_fast_len(K + 2 * room, real=True)
     held = np.concatenate(
-        (course, course[..., -1:].repeat(room, -1), course[..., :1].repeat(room, -1)), axis=-1
+        (course, course[..., -1:].repeat(length - K - room, -1), course[..., :1].repeat(room, -1)), axis=-1
     )
-    omega = 2.0 * np.pi * np.fft.rfftfreq(K + 2 * room)
+    omega = 2.0 * np.pi * np.fft.rfftfreq(length)
     passed = np.exp(-0.5 * (omega * spread[:, None]) ** 2)[:, None]
-    return np.asarray(np.fft.irfft(np.fft.rfft(held) * passed, K + 2 * room)[..., :K])
+    return np.asarray(np.fft.irfft(np.fft.rfft(held) * passed, length)[..., :K])
 
 
 @dataclass(frozen=True)
