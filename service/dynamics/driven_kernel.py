@@ -66,23 +66,23 @@ def curve_value(curves, q, z):
 
 
 @lean
-def unlike(arrays, s):
-    """Whether set s has another machine than the first."""
+def unlike(arrays, s, other):
+    """Whether two sets have different machines."""
     A, B, push, law, forced = arrays
     n, G, W = A.shape[1], push.shape[1], forced.shape[3]
     differs = False
     for i in range(n):
         for w in range(n):
-            differs = differs or A[s, i, w] != A[0, i, w]
+            differs = differs or A[s, i, w] != A[other, i, w]
         for w in range(W - n):
-            differs = differs or B[s, i, w] != B[0, i, w]
+            differs = differs or B[s, i, w] != B[other, i, w]
     for g in range(G):
-        differs = differs or law[s, g, 0] != law[0, g, 0] or law[s, g, 1] != law[0, g, 1]
+        differs = differs or law[s, g, 0] != law[other, g, 0] or law[s, g, 1] != law[other, g, 1]
         for side in range(2):
             for i in range(n):
-                differs = differs or push[s, g, side, i] != push[0, g, side, i]
+                differs = differs or push[s, g, side, i] != push[other, g, side, i]
             for w in range(W):
-                differs = differs or forced[s, g, side, w] != forced[0, g, side, w]
+                differs = differs or forced[s, g, side, w] != forced[other, g, side, w]
     return differs
 
 
@@ -133,7 +133,8 @@ def propagate(
 ) -> None:
     """States of all lanes into out (S, T, K + 1, n).
 
-    Sets that differ from the first in their initial states or inputs only have its exponentials.
+    Sets that differ from the first, or from the one before, in their initial states or inputs only have its
+    exponentials.
 
     Parameters
     ----------
@@ -152,9 +153,10 @@ def propagate(
     bent_place, bent_many, bent_size, extent, table = curves
     for s in range(len(out)):
         store = stores[0]
-        if unlike(machines, s):
+        if unlike(machines, s, 0):
             store = stores[1]
-            emptied(store)
+            if unlike(machines, s, s - 1):
+                emptied(store)
         if fastest[s] * h < HOPELESS:
             one_machine(
                 (machines[0][s], machines[1][s], machines[2][s], machines[3][s], machines[4][s]),

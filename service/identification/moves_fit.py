@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.driven_model import Model
-from service.identification.moves import REST_SPREAD, Moves, predict, residuals, with_reconstructed_motion
+from service.identification.moves import REST_SPREAD, Moves, misfits, predict, with_reconstructed_motion
 from service.recording import FloatArray
 
 DIFFERENCE = 1e-4
@@ -153,7 +153,7 @@ def jacobian(
             sets[own + row, k] += DIFFERENCE
         for j in range(L):
             lanes[own + P + j, :, j] += DIFFERENCE
-        r = residuals(part, predict(part, model, sets, lanes))
+        r = misfits(part, model, sets, lanes)
         rows.append(r[0] if known is None else known[begin : begin + r.shape[1]])
         slopes.append((r[own:] - rows[-1]) / DIFFERENCE)
         counts += [int(np.sum(used)) for used in part.used]
@@ -184,10 +184,7 @@ def trials(moves: Sequence[Moves], model: Model, points: Sequence[Point]) -> Flo
     """Residuals of several points (points, N)."""
     shared = np.stack([p.shared for p in points])
     return np.hstack(
-        [
-            residuals(part, predict(part, model, shared, np.stack([p.local[k] for p in points])))
-            for k, part in enumerate(moves)
-        ]
+        [misfits(part, model, shared, np.stack([p.local[k] for p in points])) for k, part in enumerate(moves)]
     )
 
 
@@ -213,7 +210,7 @@ def settle_locally(
         lanes = np.tile(own, (L, 1, 1))
         for j in range(L):
             lanes[j, :, j] += DIFFERENCE
-        r = residuals(part, predict(part, model, np.tile(at.shared, (L, 1)), lanes))
+        r = misfits(part, model, np.tile(at.shared, (L, 1)), lanes)
         H, g = np.empty((T, L, L)), np.empty((T, L))
         for t in range(T):
             of = slice(ends[t], ends[t + 1])
@@ -221,7 +218,7 @@ def settle_locally(
             H[t] = J.T @ J / scale**2 + np.eye(L)
             g[t] = J.T @ np.nan_to_num(here[of]) / scale**2 + own[t]
         tried = own + np.swapaxes(damped(H, g, LADDER), 0, 1)
-        said = residuals(part, predict(part, model, np.tile(at.shared, (len(tried), 1)), tried))
+        said = misfits(part, model, np.tile(at.shared, (len(tried), 1)), tried)
         tried, said = np.concatenate((own[None], tried)), np.concatenate((here[None], said))
         squares = np.add.reduceat(said**2, ends[:-1], axis=1) / scale**2 + np.sum(tried**2, axis=2)
         best = np.argmin(np.nan_to_num(squares, nan=np.inf), axis=0)
