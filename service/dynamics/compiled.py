@@ -27,8 +27,10 @@ def compiled(function: F, **options: Any) -> F:
         made: Any = numba.njit(cache=True, error_model="numpy", fastmath=REORDERED, **options)(function)
     except RuntimeError:  # numba found no place to keep the code
         return cast(F, numba.njit(error_model="numpy", fastmath=REORDERED, **options)(function))
-    # By itself numba looks at the function's own file only, and would keep what calls a function changed in another.
-    made._cache._cache_file._source_stamp = sources(Path(__file__).parent)
+    kept = getattr(made, "_cache", None)  # not there where compiling is switched off
+    if kept is not None:
+        # By itself numba looks at the function's own file, and keeps what calls a function that changed in another.
+        kept._cache_file._source_stamp = sources(Path(__file__).parent)
     return cast(F, made)
 
 
