@@ -29,6 +29,9 @@ FINE = 1e-4
 LAGS = (1e-4, 2e-4, 3.5e-4, 5e-4, 7e-4, 1e-3, 1.4e-3, 2e-3)
 """Lags of the torque behind the speed that are tried [s]: a drive's cycle and its current loop."""
 
+AT_ONCE = 64
+"""Forces whose echoes are found at once: their splines hold fifteen numbers for each grid point and force."""
+
 Load = tuple[FloatArray, FloatArray]
 """Times [s] and the simulated force on the motor per moved mass [m/s²] of one step."""
 
@@ -180,13 +183,21 @@ def reconstructed_motion(
 def echo(speed: Trace, load: Load, balance: Balance) -> FloatArray:
     """How position, speed and acceleration of a reconstructed motion at a step's grid points change with the force
     there: (3, K + 1, K + 1), linear, since the spline through the samples takes back what they contradict."""
-    time, part = load[0], window(speed, load)
-    force = force_course((time, np.eye(len(time))))
+    part, out = window(speed, load), np.empty((3, len(load[0]), len(load[0])))
+    for first in range(0, len(load[0]), AT_ONCE):
+        forces = np.eye(len(load[0]))[:, first : first + AT_ONCE]
+        out[:, :, first : first + AT_ONCE] = -balance.force * unit_echoes(part, (load[0], forces))
+    return out
+
+
+def unit_echoes(part: Trace, load: Load) -> FloatArray:
+    """The echoes (3, K + 1, …) of forces (K + 1, …) on a motor as heavy as the load."""
+    time, force = load[0], force_course(load)
     once, twice = force.antiderivative(), force.antiderivative(2)
     left = CubicSpline(part.time, once(part.time))
     gone = left.antiderivative()
     position = twice(time) - twice(time[0]) - gone(time) + gone(time[0])
-    return -balance.force * np.stack((position, once(time) - left(time), force(time) - left(time, 1)))
+    return np.stack((position, once(time) - left(time), force(time) - left(time, 1)))
 
 
 def answered(changed: FloatArray, echoes: Sequence[Sequence[FloatArray]], h: float) -> FloatArray:
