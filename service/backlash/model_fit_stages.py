@@ -1,7 +1,7 @@
 """The stages of the fit: starts on a few steps, all steps, then the motor's motion between its samples.
 
-Rounds and numbers of starts are chosen so that a single axis takes some 2 s and a gantry some 5 s on one core,
-three times that where one search does not do.
+Rounds and numbers of starts are chosen so that a single axis takes some 2 s on one core, three times that where one
+search does not do. A gantry's own stages are in model_fit_gantry.
 """
 
 from __future__ import annotations
