@@ -12,6 +12,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from service.backlash.model_fit_data import Measured, measure, problem_of, with_reconstructed_motion
 from service.backlash.model_fit_motion import with_following_motors
 from service.backlash.model_fit_problem import Fit, Point, Problem, fit
@@ -36,6 +38,9 @@ from service.recording import Recording
 LONGER = 20
 """Rounds of the best fits along the measured motion: a gap that is too small is pulled out to its size by some
 micrometres a round."""
+
+STATES = 4
+"""Rounds in which the initial states are found for the machine as it is."""
 
 NEAR = 3.0
 """Misfit of the lighter chain at which no further start is tried: the heavier one does the rest."""
@@ -104,11 +109,17 @@ def simulated_from(measured: Measured, few: Problem, balanced: list[Fit], effort
 
 def starts_of(measured: Measured, few: Problem, balanced: list[Fit], effort: Effort) -> list[Outcome]:
     """Fits of a few steps with one lump per drive from the balanced ones, best first. The forces that were needed for
-    the measured motion say how the motors moved between their samples, before anything is simulated."""
+    the measured motion say how the motors moved between their samples, before anything is simulated.
+
+    The initial states of the measured motion are left behind: they took up what noise and bias integrate to, and from
+    them the machine would be bent before they are.
+    """
     ends: list[Outcome] = []
     for found in balanced:
         begun = replace(with_reconstructed_motion(measured, few, found), seen=None)
-        tried = passes(measured, begun, found.point, effort.rounds, with_reconstructed_motion)
+        held = replace(begun, free=(False,) * len(begun.free))
+        at = fit(held, Point(found.point.shared, np.zeros(begun.local_shape)), STATES, 1.0).point
+        tried = passes(measured, begun, at, effort.rounds, with_reconstructed_motion)
         ends.append(min(tried, key=lambda o: o.fit.cost))
         if ends[-1].fit.misfit < NEAR:
             break
