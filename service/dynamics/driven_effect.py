@@ -98,6 +98,10 @@ class DrivenEffect:
             for shape in self.shapes
         )
 
+    def traded(self, values: Mapping[str, float]) -> Mapping[str, float]:
+        """Values of a whole model at a start, with what the effect takes over from the declared model taken off."""
+        return values
+
     @property
     def states(self) -> int:
         return 0

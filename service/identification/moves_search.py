@@ -83,7 +83,7 @@ def scored(found: Fitted, candidate: Candidate, base: Values) -> list[Values]:
     basis = np.linalg.qr(found.slopes.dense())[0]
     left = found.r - basis @ (basis.T @ found.r)
     for start in candidate.effect.starts:
-        values = dict(base) | dict(start)
+        values = dict(candidate.effect.traded(dict(base) | dict(start)))
         slopes = score_slopes(found, model, values, amounts)
         slopes -= basis @ (basis.T @ slopes)
         H = slopes.T @ slopes + np.eye(len(amounts))
@@ -111,6 +111,20 @@ def score_slopes(found: Fitted, model: Model, values: Values, amounts: Sequence[
     return np.asarray(np.nan_to_num((rows[1:] - rows[0]).T / (10.0 * DIFFERENCE)))
 
 
+def grounds(scene: Scene, found: Fitted) -> list[Fitted]:
+    """The present model at the scene's places, on a few moves: where a score is taken too."""
+    few, held = fewer(found), np.zeros(0, dtype=np.int64)
+    return [
+        fit(few, found.model, point_at(found.model, place, few), BRIEF, free=held)
+        for place in (scene.rich, scene.smooth)
+    ]
+
+
+def fewer(found: Fitted) -> tuple[Moves, ...]:
+    """The few moves with which starts are compared."""
+    return tuple(some_of(part, FEW) for part in unanswering(found.moves)[:1])
+
+
 def begun(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:
     """Values from which the candidate is started, see the module's text."""
     present = values_at(found)
@@ -127,14 +141,20 @@ def begun(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:
     return out
 
 
-def refitted(scene: Scene, found: Fitted, candidate: Candidate) -> Fitted:
+def placed(place: Fitted, candidate: Candidate) -> Fitted:
+    """The effect's own numbers fitted alone where the present model is put at one of the scene's places."""
+    names = [p.name for p in candidate.model.parameters]
+    own = np.array([names.index(p.name) for p in candidate.effect.parameters])
+    at = point_at(candidate.model, scored(place, candidate, values_at(place))[0], place.moves)
+    return fit(place.moves, candidate.model, at, BRIEF, free=own)
+
+
+def refitted(scene: Scene, found: Fitted, at_places: Sequence[Fitted], candidate: Candidate) -> Fitted:
     """The candidate fitted from the best of its starts."""
-    moves = unanswering(found.moves)
-    few = tuple(some_of(part, FEW) for part in moves[:1])
-    brief = [
-        fit(few, candidate.model, point_at(candidate.model, values, few), BRIEF)
-        for values in begun(scene, found, candidate)
-    ]
+    moves, few = unanswering(found.moves), fewer(found)
+    starts = [point_at(candidate.model, values, few) for values in begun(scene, found, candidate)]
+    starts += [placed(place, candidate).at for place in at_places]
+    brief = [fit(few, candidate.model, at, BRIEF) for at in starts]
     best = sorted(brief, key=lambda f: f.rms)[:2]
     fits = [
         fit(moves, candidate.model, point_at(candidate.model, values_at(one), moves), FIRST_ROUNDS)
@@ -166,8 +186,9 @@ def propose(
     """Every effect that is not in yet, fitted on all train moves; the best few fitted to the end."""
     base = present.model.fitted
     found: dict[str, Fitted] = {}
+    at_places = grounds(scene, base)
     for candidate in candidates(base.model, library, taken):
-        found[candidate.name] = refitted(scene, base, candidate)
+        found[candidate.name] = refitted(scene, base, at_places, candidate)
         tell(f"tried {candidate.name}: {found[candidate.name].rms:.3f} (now {base.rms:.3f})")
     for name in sorted(found, key=lambda n: found[n].rms)[:PROMISING]:
         found[name] = fit(found[name].moves, found[name].model, found[name].at, ROUNDS)

@@ -30,12 +30,30 @@ class DrivenClearance(DrivenEffect):
     name: ClassVar[str] = "gearbox_clearance"
     means: ClassVar[str] = "there is a second gap in series, in the gearbox or a coupling"
     own: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("clearance", "m", 0.0, 3e-5, logarithmic=False, low=0.0, high=3e-4, dose=2e-6),
+        Parameter("clearance", "m", 0.0, 3e-5, logarithmic=False, low=0.0, high=3e-4),
     )
+    own_nuisance: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("pinion_rest", "m", 0.0, 3e-5, logarithmic=False, found_again=True),
+    )
+    shapes: ClassVar[tuple[Mapping[str, float], ...]] = ({"clearance": 1e-5}, {"clearance": 4e-5})
+
+    def traded(self, values: Mapping[str, float]) -> Mapping[str, float]:
+        """A model without it takes both gaps for one."""
+        out = dict(values)
+        for axis in self.axes:
+            both = values[f"{axis}.backlash"]
+            out[f"{axis}.clearance"] = min(values[f"{axis}.clearance"], 0.5 * both)
+            out[f"{axis}.backlash"] = both - out[f"{axis}.clearance"]
+        return out
 
     @property
     def gaps(self) -> int:
         return len(self.axes)
+
+    def begin(self, x0: FloatArray, case: Case, room: Room) -> None:
+        """The pinion rests anywhere between the two gaps."""
+        for k, _, x in self.each(case.model):
+            x0[..., case.model.load(x) - 2] += case.nuisance[..., k]
 
     def assemble(self, system: LinearSystem, case: Case, room: Room) -> None:
         """The link's spring and damper are taken out and put back as two flanks."""
