@@ -19,7 +19,7 @@ from service.identification.held_out import Explained, Held, rms
 from service.identification.moves import Moves
 from service.identification.moves_fit import Fitted
 from service.identification.scene import Scene
-from service.identification.selection import Selection, left
+from service.identification.selection import Selection, left, shown
 from service.recording import FloatArray
 
 LEFT_BY_CLEAN = 1.25
@@ -73,10 +73,10 @@ def finding_of(selection: Selection[Explained]) -> tuple[Finding, tuple[str, ...
     before, after = selection.before.validation_rms, selection.after.validation_rms
     if not selection.effects:
         return ("none" if left(selection.before) <= SMALL else "unknown"), ()
-    if _immaterial(selection):
-        return "none", ()
     excess = (after**2 - 1.0) / max(before**2 - 1.0, 1e-12)
     alone = len(selection.effects) == 1 and excess <= 1.0 - EXPLAINED
+    if _immaterial(selection) and not (alone and shown(selection.before) > SMALL):
+        return "none", ()
     if left(selection.after) <= LEFT or alone:
         return "effect", selection.effects
     return "unknown", ()

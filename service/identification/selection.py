@@ -24,6 +24,9 @@ MATERIAL = 0.02
 """Share of the held-out RMS that an effect must remove to be worth naming (chosen)."""
 NEAR = 0.1
 """How much nearer an effect with more parameters must come than one with fewer, which it may contain (chosen)."""
+UNKNOWN_NUMBERS = 2.0
+"""How much of a held-out error may come from numbers that the train moves do not tell well, a friction at another speed
+before all (chosen)."""
 MAX_EFFECTS = 4
 
 ModelT = TypeVar("ModelT")
@@ -63,6 +66,17 @@ def left(trial: Trial[ModelT]) -> float:
     """What a model leaves unexplained: an effect that it lacks shows in the moves that were fitted and in those that
     were not. In these alone it may be numbers that are not known well enough, in the others a fit that did not end."""
     return min(trial.train_rms, trial.validation_rms)
+
+
+def shown(trial: Trial[ModelT]) -> float:
+    """What shows that something is missing: an error in the moves that were fitted, or one in those that were not that is
+    larger than what numbers can do that are not known well enough."""
+    return max(trial.train_rms, trial.validation_rms / UNKNOWN_NUMBERS)
+
+
+def distance(trial: Trial[ModelT]) -> float:
+    """How far a model is from all moves, by the likelihood: the logarithms of the errors add up."""
+    return trial.train_rms * trial.validation_rms
 
 
 def gain_p_value(before: Trial[ModelT], after: Trial[ModelT]) -> float:
@@ -107,9 +121,9 @@ def select(
     ``refine`` refits the one that was taken together with those before it; ``challenge(present, best)`` gives
     the present model another chance from where the best candidate ended, so that no effect is named for having
     led the fit out of a poor valley. ``material`` is the share of the held-out RMS that an effect must remove,
-    ``enough`` the RMS of ``left`` at which nothing is left to explain; ``further`` the same two for every effect
-    after the first, where what is left may be the fit's own imperfection. ``size`` is a model's number of parameters:
-    of effects that come equally near the one with the fewest is taken. ``contains`` names the effects that one becomes
+    ``enough`` the RMS of ``shown`` (after a first effect: of ``left``) at which nothing is left to explain;
+    ``further`` the same two for every effect after the first, where what is left may be the fit's own imperfection.
+    ``size`` is a model's number of parameters: of effects that come equally near the one with the fewest is taken. ``contains`` names the effects that one becomes
     when some of its numbers are zero: it is passed over for them unless it removes as much more as a further effect
     must, and it is no rival of theirs.
     """
@@ -118,11 +132,11 @@ def select(
     first = before
     log: list[Candidate] = []
     rivals: list[tuple[str, str]] = []
-    while len(taken) < MAX_EFFECTS and left(present) > enough:
+    while len(taken) < MAX_EFFECTS and (left if taken else shown)(present) > enough:
         trials = propose(present, taken)
-        present = challenge(present, min(trials.values(), key=lambda trial: trial.validation_rms))
+        present = challenge(present, min(trials.values(), key=distance))
         first = first if taken else present
-        if left(present) <= enough:
+        if (left if taken else shown)(present) <= enough:
             break
         judged = {n: _judge(n, present, trial, len(trials), material) for n, trial in trials.items()}
         passed = [name for name, candidate in judged.items() if candidate.accepted]
@@ -139,9 +153,9 @@ def select(
         if not passed:
             log = [c for c in log if c.effect not in judged] + list(judged.values())
             break
-        least = min(trials[name].validation_rms for name in passed)
-        near = [name for name in passed if trials[name].validation_rms <= (1.0 + NEAR) * least]
-        best = min(near, key=lambda name: (size(trials[name]), trials[name].validation_rms))
+        least = min(distance(trials[name]) for name in passed)
+        near = [name for name in passed if distance(trials[name]) <= (1.0 + NEAR) * least]
+        best = min(near, key=lambda name: (size(trials[name]), distance(trials[name])))
         log = [c for c in log if c.effect not in judged]
         log += [_only(best, candidate) for candidate in judged.values()]
         rivals += [(best, name) for name in passed if name != best and _alike(trials[best], trials[name])]
