@@ -19,7 +19,7 @@ from service.identification.held_out import Explained, Held, rms
 from service.identification.moves import Moves
 from service.identification.moves_fit import Fitted
 from service.identification.scene import Scene
-from service.identification.selection import Selection, left, shown
+from service.identification.selection import Selection, explained, left, shown
 from service.recording import FloatArray
 
 LEFT_BY_CLEAN = 1.25
@@ -31,9 +31,6 @@ SMALL, MATTERS = 1.6, (1e-6, 0.02)
 is an impurity too small to matter; and what leaves no more and has no name is not called missing (chosen)."""
 CROSSED = 0.6
 """Share of a move at which its gap is crossed, about: after the top speed, at two thirds of the braking."""
-EXPLAINED = 0.95
-"""Or the share of the excess variance that one effect explains by itself; several that still leave something are how a
-library imitates what it does not have (chosen)."""
 STRUCTURE = (0.11e-6, 1.2e-3)
 """Standard deviation of what the structure is worth: floor [m] and share of the backlash, as in the estimator."""
 
@@ -70,14 +67,13 @@ def verdict(scene: Scene, selection: Selection[Explained]) -> tuple[AxisExplanat
 
 def finding_of(selection: Selection[Explained]) -> tuple[Finding, tuple[str, ...]]:
     """``effect`` only when the named effects leave near nothing: a part of an unknown is not an explanation."""
-    before, after = selection.before.validation_rms, selection.after.validation_rms
     if not selection.effects:
         return ("none" if left(selection.before) <= SMALL else "unknown"), ()
-    excess = (after**2 - 1.0) / max(before**2 - 1.0, 1e-12)
-    alone = len(selection.effects) == 1 and excess <= 1.0 - EXPLAINED
+    alone = len(selection.effects) == 1 and explained(selection.before, selection.after)
     if _immaterial(selection) and not (alone and shown(selection.before) > SMALL):
         return "none", ()
-    if left(selection.after) <= LEFT or alone:
+    error = left if len(selection.effects) == 1 else shown
+    if alone or error(selection.after) <= LEFT:
         return "effect", selection.effects
     return "unknown", ()
 

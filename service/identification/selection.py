@@ -27,6 +27,9 @@ NEAR = 0.1
 UNKNOWN_NUMBERS = 2.0
 """How much of a held-out error may come from numbers that the train moves do not tell well, a friction at another speed
 before all (chosen)."""
+EXPLAINED = 0.95
+"""Share of the excess variance that one effect explains by itself; several that still leave something are how a library
+imitates what it does not have (chosen)."""
 MAX_EFFECTS = 4
 
 ModelT = TypeVar("ModelT")
@@ -69,9 +72,14 @@ def left(trial: Trial[ModelT]) -> float:
 
 
 def shown(trial: Trial[ModelT]) -> float:
-    """What shows that something is missing: an error in the moves that were fitted, or one in those that were not that is
+    """What shows that something is missing: an error in the moves that were fitted, or one in those that were not,
     larger than what numbers can do that are not known well enough."""
     return max(trial.train_rms, trial.validation_rms / UNKNOWN_NUMBERS)
+
+
+def explained(before: Trial[ModelT], after: Trial[ModelT]) -> bool:
+    """Whether nearly all of the held-out variance beyond what is expected is gone."""
+    return after.validation_rms**2 - 1.0 <= (1.0 - EXPLAINED) * (before.validation_rms**2 - 1.0)
 
 
 def distance(trial: Trial[ModelT]) -> float:
@@ -122,8 +130,9 @@ def select(
     the present model another chance from where the best candidate ended, so that no effect is named for having
     led the fit out of a poor valley. ``material`` is the share of the held-out RMS that an effect must remove,
     ``enough`` the RMS of ``shown`` (after a first effect: of ``left``) at which nothing is left to explain;
-    ``further`` the same two for every effect after the first, where what is left may be the fit's own imperfection.
-    ``size`` is a model's number of parameters: of effects that come equally near the one with the fewest is taken. ``contains`` names the effects that one becomes
+    ``further`` the same two for every effect after the first, where what is left may be the fit's own imperfection;
+    with it the search ends with an effect that is ``explained`` by itself. ``size`` is a model's number of parameters:
+    of effects that come equally near the one with the fewest is taken. ``contains`` names the effects that one becomes
     when some of its numbers are zero: it is passed over for them unless it removes as much more as a further effect
     must, and it is no rival of theirs.
     """
@@ -162,6 +171,8 @@ def select(
         present, taken = refine(trials[best]), (*taken, best)
         material, enough = further or (material, enough)
         tell(f"{best}: held-out RMS {present.validation_rms:.4g}")
+        if further and explained(first, present):
+            break
     return Selection(first, present, taken, tuple(log), tuple(rivals))
 
 
