@@ -199,8 +199,12 @@ def propose(
 
 
 def ended(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
-    """The fit of a model that may be the right one, continued while it gains."""
+    """The fit of a model that may be the right one, begun once more with the machine of the estimator and of the smooth
+    fit, and continued while it gains."""
     best = trial.model.fitted
+    for place in (scene.rich, scene.smooth):
+        if best.rms > ENDED:
+            best = min(best, elsewhere(best, place), key=lambda f: f.rms)
     for _ in range(MORE):
         if not ENDED < best.rms < HOPELESS:
             break
@@ -209,6 +213,14 @@ def ended(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
         if gained < 0.02 * best.rms:
             break
     return trial if best is trial.model.fitted else trial_of(scene, best)
+
+
+def elsewhere(found: Fitted, place: Values) -> Fitted:
+    """The model fitted from the effects' numbers as found, and the machine's as they are at a place."""
+    machine = {p.name for p in replace(found.model, effects=found.model.effects[:1]).parameters}
+    values = values_at(found) | {name: value for name, value in place.items() if name in machine}
+    moves = unanswering(found.moves)
+    return settled(fit(moves, found.model, point_at(found.model, values, moves), ROUNDS), ROUNDS)
 
 
 def challenged(scene: Scene, present: Trial[Explained], best: Trial[Explained]) -> Trial[Explained]:
