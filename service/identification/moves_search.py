@@ -22,6 +22,8 @@ from service.identification.moves_fit import (
     DIFFERENCE,
     Fitted,
     Point,
+    best_of_each,
+    costs_of_moves,
     fit,
     reconstructed,
     rests_found,
@@ -157,10 +159,30 @@ def refitted(scene: Scene, found: Fitted, at_places: Sequence[Fitted], candidate
     brief = [fit(few, candidate.model, at, BRIEF) for at in starts]
     best = sorted(brief, key=lambda f: f.rms)[:2]
     fits = [
-        fit(moves, candidate.model, point_at(candidate.model, values_at(one), moves), FIRST_ROUNDS)
+        fit(
+            moves,
+            candidate.model,
+            begun_at(moves, candidate.model, values_at(one), alike(moves, one)),
+            FIRST_ROUNDS,
+        )
         for one in (best if best[0].rms > 0.9 * best[-1].rms else best[:1])
     ]
     return min(fits, key=lambda f: f.rms)
+
+
+def begun_at(moves: Sequence[Moves], model: Model, values: Values, local: tuple[FloatArray, ...]) -> Point:
+    """The point with these values and every move's zeros fitted there, from a search and from `local`, so that no wrong
+    zero drives the values away."""
+    searched, held = point_at(model, values, moves), np.zeros(0, dtype=np.int64)
+    starts = (searched, Point(searched.shared, local))
+    return best_of_each([fit(moves, model, at, BRIEF, free=held) for at in starts])
+
+
+def alike(moves: Sequence[Moves], found: Fitted) -> tuple[FloatArray, ...]:
+    """The zeros of all moves as they are in a fit of a few: moves of one direction begin much alike."""
+    of, own, errors = found.moves[0].s, found.at.local[0], costs_of_moves(found, 0)
+    best = {s: own[np.flatnonzero(of == s)[np.argmin(errors[of == s])]] for s in np.unique(of)}
+    return tuple(np.stack([best.get(s, np.zeros(own.shape[1])) for s in part.s]) for part in moves)
 
 
 def unanswering(moves: Sequence[Moves]) -> tuple[Moves, ...]:
@@ -220,7 +242,9 @@ def elsewhere(found: Fitted, place: Values) -> Fitted:
     machine = {p.name for p in replace(found.model, effects=found.model.effects[:1]).parameters}
     values = values_at(found) | {name: value for name, value in place.items() if name in machine}
     moves = unanswering(found.moves)
-    return settled(fit(moves, found.model, point_at(found.model, values, moves), ROUNDS), ROUNDS)
+    return settled(
+        fit(moves, found.model, begun_at(moves, found.model, values, found.at.local), ROUNDS), ROUNDS
+    )
 
 
 def challenged(scene: Scene, present: Trial[Explained], best: Trial[Explained]) -> Trial[Explained]:
