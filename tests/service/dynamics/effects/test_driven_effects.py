@@ -174,6 +174,16 @@ def test_a_mass_that_still_swings() -> None:
 @pytest.mark.parametrize("name", sorted(PLANTED))
 def test_an_effect_of_amount_zero_is_absent(name: str) -> None:
     """Whatever shape it starts from; a link with two flanks differs by its dampers' pull alone."""
-    start = DRIVEN[name](("X1",)).starts[-1]
+    effect = DRIVEN[name](("X1",))
+    absent = {p.name: 0.0 for p in effect.parameters if p.typical == 0.0 and not p.logarithmic}
     limit = 0.3 if name == "gearbox_clearance" else 1e-6
-    assert np.abs(driven((name,), dict(start)) - driven((), {})).max() < limit
+    assert np.abs(driven((name,), {**effect.starts[-1], **absent}) - driven((), {})).max() < limit
+
+
+def test_a_second_gap_takes_its_width_off_the_first_and_leaves_some() -> None:
+    """A model with one gap takes both for one."""
+    effect = DRIVEN["gearbox_clearance"](("X1",))
+    for both, clearance in ((100e-6, 40e-6), (30e-6, 15e-6)):
+        values = effect.traded({"X1.backlash": both, "X1.clearance": 40e-6})
+        assert values["X1.clearance"] == pytest.approx(clearance)
+        assert values["X1.backlash"] == pytest.approx(both - clearance)
