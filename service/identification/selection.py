@@ -27,8 +27,8 @@ NEAR = 0.1
 UNKNOWN_NUMBERS = 2.0
 """How much of a held-out error may come from numbers that the train moves do not tell well, a friction at another speed
 before all (chosen)."""
-EXPLAINED = 0.95
-"""Share of the excess variance that one effect explains by itself; several that still leave something are how a library
+EXPLAINED = 0.9
+"""Share of the excess variance, all but an order of magnitude, that one effect explains by itself; several that still leave something are how a library
 imitates what it does not have (chosen)."""
 MAX_EFFECTS = 4
 
