@@ -28,8 +28,8 @@ UNKNOWN_NUMBERS = 2.0
 """How much of a held-out error may come from numbers that the train moves do not tell well, a friction at another speed
 before all (chosen)."""
 EXPLAINED = 0.9
-"""Share of the excess variance, all but an order of magnitude, that one effect explains by itself; several that still leave something are how a library
-imitates what it does not have (chosen)."""
+"""Share of the excess variance, all but an order of magnitude, that one effect explains by itself; several that still
+leave something are how a library imitates what it does not have (chosen)."""
 MAX_EFFECTS = 4
 
 ModelT = TypeVar("ModelT")
