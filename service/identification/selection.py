@@ -168,7 +168,7 @@ def select(
         log = [c for c in log if c.effect not in judged]
         log += [_only(best, candidate) for candidate in judged.values()]
         rivals += [(best, name) for name in passed if name != best and _alike(trials[best], trials[name])]
-        present, taken = refine(trials[best]), (*taken, best)
+        present, taken = min(refine(trials[best]), trials[best], key=distance), (*taken, best)
         material, enough = further or (material, enough)
         tell(f"{best}: held-out RMS {present.validation_rms:.4g}")
         if further and explained(first, present):
