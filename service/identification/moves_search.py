@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from service.dynamics.driven_model import DrivenEffect, Model
+from service.dynamics.driven_model import LINKS, DrivenEffect, Model
 from service.identification.held_out import Explained, trial_of
 from service.identification.moves import Moves, predict, residuals, some_of
 from service.identification.moves_fit import (
@@ -157,6 +157,9 @@ def refitted(scene: Scene, found: Fitted, at_places: Sequence[Fitted], candidate
     starts = [point_at(candidate.model, values, few) for values in begun(scene, found, candidate)]
     starts += [placed(place, candidate).at for place in at_places]
     brief = [fit(few, candidate.model, at, BRIEF) for at in starts]
+    other = softer_contact(values_at(min(brief, key=lambda f: f.rms)), candidate.model)
+    if other:
+        brief.append(fit(few, candidate.model, point_at(candidate.model, other, few), BRIEF))
     best = sorted(brief, key=lambda f: f.rms)[:2]
     fits = [
         fit(
@@ -168,6 +171,17 @@ def refitted(scene: Scene, found: Fitted, at_places: Sequence[Fitted], candidate
         for one in (best if best[0].rms > 0.9 * best[-1].rms else best[:1])
     ]
     return min(fits, key=lambda f: f.rms)
+
+
+def softer_contact(values: Values, model: Model) -> Values | None:
+    """The values with shaft and contact exchanged where the contact is the stiffer one: beside a light pinion a linear
+    model cannot tell them apart, and what bends or parts is the contact."""
+    link, out = LINKS[model.lumps][-1], dict(values)
+    for axis in model.axes:
+        shaft, contact = f"{axis}.{link}_stiffness", f"{axis}.contact_stiffness"
+        if values[contact] > values[shaft]:
+            out |= {shaft: values[contact], contact: values[shaft]}
+    return None if out == dict(values) else out
 
 
 def begun_at(moves: Sequence[Moves], model: Model, values: Values, local: tuple[FloatArray, ...]) -> Point:
