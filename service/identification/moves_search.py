@@ -42,9 +42,9 @@ FIRST_ROUNDS, ROUNDS = 6, 12
 PROMISING = 4
 """Effects that are fitted further after a first look at all."""
 FINALISTS = 2
+"""Effects whose fit is finished with the motor's motion reconstructed from it."""
 MORE, ENDED, HOPELESS = 3, 1.05, 4.0
 """How often a fit is continued, the RMS at which it need not be, and that from which more rounds do not help."""
-"""Effects whose fit is finished with the motor's motion reconstructed from it."""
 PUT_BACK = ("turnover_speed", "coulomb", "viscous", "damping_ratio", "smear")
 """Parameters that a wrong model drives into a corner from which a fit comes back slowly."""
 
