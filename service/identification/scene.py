@@ -77,6 +77,8 @@ def smeared(course: FloatArray, spread: FloatArray) -> FloatArray:
         return course
     K, room = course.shape[-1], 8
     length = next_fast_len(K + 2 * room, real=True)
+    while length % 2 == 0:  # an even one has a line at half the rate, which the cut ends turn into a shift
+        length = next_fast_len(length + 1, real=True)
     held = np.concatenate(
         (course, course[..., -1:].repeat(length - K - room, -1), course[..., :1].repeat(room, -1)), axis=-1
     )

@@ -141,24 +141,16 @@ def select(
     first = before
     log: list[Candidate] = []
     rivals: list[tuple[str, str]] = []
-    while len(taken) < MAX_EFFECTS and (left if taken else shown)(present) > enough:
+    missing = shown
+    while len(taken) < MAX_EFFECTS and missing(present) > enough:
         trials = propose(present, taken)
         present = challenge(present, min(trials.values(), key=distance))
         first = first if taken else present
-        if (left if taken else shown)(present) <= enough:
+        if missing(present) <= enough:
             break
         judged = {n: _judge(n, present, trial, len(trials), material) for n, trial in trials.items()}
-        passed = [name for name, candidate in judged.items() if candidate.accepted]
-        more = 1.0 - (further or (material, enough))[0]
-        passed = [
-            name
-            for name in passed
-            if all(
-                trials[name].validation_rms < more * trials[inner].validation_rms
-                for inner in contains(name)
-                if inner in passed
-            )
-        ]
+        more = (further or (material, enough))[0]
+        passed = _without_containing([n for n, c in judged.items() if c.accepted], trials, contains, more)
         if not passed:
             log = [c for c in log if c.effect not in judged] + list(judged.values())
             break
@@ -169,11 +161,29 @@ def select(
         log += [_only(best, candidate) for candidate in judged.values()]
         rivals += [(best, name) for name in passed if name != best and _alike(trials[best], trials[name])]
         present, taken = min(refine(trials[best]), trials[best], key=distance), (*taken, best)
-        material, enough = further or (material, enough)
+        material, enough, missing = *(further or (material, enough)), left
         tell(f"{best}: held-out RMS {present.validation_rms:.4g}")
         if further and explained(first, present):
             break
     return Selection(first, present, taken, tuple(log), tuple(rivals))
+
+
+def _without_containing(
+    passed: Sequence[str],
+    trials: Mapping[str, Trial[ModelT]],
+    contains: Callable[[str], Sequence[str]],
+    share: float,
+) -> list[str]:
+    """Those that contain no other of them, or remove `share` more of the held-out RMS than each that they contain."""
+    return [
+        name
+        for name in passed
+        if all(
+            trials[name].validation_rms < (1.0 - share) * trials[inner].validation_rms
+            for inner in contains(name)
+            if inner in passed
+        )
+    ]
 
 
 def _only(best: str, candidate: Candidate) -> Candidate:

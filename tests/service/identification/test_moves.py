@@ -100,7 +100,7 @@ def test_smearing_keeps_area_and_place_and_has_its_spread() -> None:
     passed = smeared(pulse, np.array([1.5]))[0, 0]
     k = np.arange(101)
     assert passed.sum() == pytest.approx(1.0)
-    assert passed @ k == pytest.approx(50.0, abs=1e-5)
+    assert passed @ k == pytest.approx(50.0, abs=1e-6)
     assert np.sqrt(passed @ (k - 50.0) ** 2) == pytest.approx(1.5, rel=0.01)
 
 

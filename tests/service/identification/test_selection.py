@@ -68,6 +68,25 @@ def test_what_contains_another_is_taken_only_for_a_gain_of_its_own_and_is_no_riv
         assert not found.rivals
 
 
+def test_an_error_that_only_the_held_out_moves_show_is_searched_for() -> None:
+    """A friction that is curved: at the speed of the train moves alone it looks like any other."""
+    for held_out, effects in ((3.0, ("curved",)), (1.5, ())):
+        before = replace(trial(held_out, 0), train_rms=1.0)
+        found = select(before, lambda _p, _t: {"curved": trial(1.0, 0)}, enough=1.25, further=(0.25, 1.6))
+        assert found.effects == effects
+
+
+def test_the_search_ends_with_an_effect_that_explains_nearly_all() -> None:
+    table = {(): {"a": 3.0}, ("a",): {"b": 2.0}}
+    for before, effects in ((30.0, ("a",)), (5.0, ("a", "b"))):
+        found = select(
+            trial(before, 0),
+            lambda _p, taken: {n: trial(r, 0) for n, r in table.get(taken, {"c": 2.0}).items()},
+            further=(0.25, 1.6),
+        )
+        assert found.effects == effects
+
+
 def test_no_gain_has_no_significance() -> None:
     assert gain_p_value(trial(1.0, 0), trial(1.0, 0)) == 1.0
     assert gain_p_value(trial(1.0, 0), trial(0.5, 0)) < 1e-5
