@@ -17,7 +17,8 @@ import numpy as np
 from scipy.interpolate import BSpline
 
 from service.backlash.model_fit_data import Measured, noise_at_rest
-from service.backlash.model_fit_problem import TOGETHER, Fit, Following, Point, Problem, course_at
+from service.backlash.model_fit_following import Following, SingleArray
+from service.backlash.model_fit_problem import TOGETHER, Fit, Point, Problem, course_at
 from service.dynamics.driven_motion import between
 from service.dynamics.driven_recoil import Recoil
 from service.dynamics.driven_smoothing import (
@@ -68,6 +69,17 @@ class Motor:
 def with_following_motors(measured: Measured, problem: Problem, fit: Fit) -> Problem:
     """The problem with the motors' motion between their samples by the fit's forces and the torque, eq. (1), and with
     the motors answering other forces."""
+    force = fit.response.force[0]
+    speeds, motions = curves(problem.samples, problem.grids[0].h)
+    moved, beyond = with_recoiling_motors(measured, problem, fit, speeds)
+    return replace(moved, following=following(moved, fit.point, motions, force, beyond))
+
+
+def with_recoiling_motors(
+    measured: Measured, problem: Problem, fit: Fit, speeds: FloatArray
+) -> tuple[Problem, SingleArray]:
+    """The problem with the motors' motion by the fit's forces, giving way to others; and what the forces on the motors
+    make of η beyond that, (T, X·B, X·(K + 1)), for curves with the speeds (K + 1, B)."""
     force, e = fit.response.force[0], fit.response.recoil
     motors = [motor_of(measured, problem, fit, force[:, x], x) for x in range(len(measured.axes))]
     recoil = Recoil(
@@ -84,7 +96,7 @@ def with_following_motors(measured: Measured, problem: Problem, fit: Fit) -> Pro
         for x, motor in enumerate(motors)
     ]
     moved = replace(problem, motion=tuple(zip(*columns, strict=True)), recoil=recoil, following=None)
-    return replace(moved, following=following(moved, fit.point, motors, force))
+    return moved, beyond_recoil(moved, recoil, motors, speeds)
 
 
 def recoil_of(problem: Problem, recoil: Recoil, force: FloatArray, e: FloatArray | None) -> FloatArray:
@@ -151,25 +163,30 @@ def curves(samples: int, h: float) -> tuple[FloatArray, FloatArray]:
     return v, between((x - x[0]).T, v.T, a.T, h)
 
 
-def following(problem: Problem, at: Point, motors: Sequence[Motor], force: FloatArray) -> Following:
-    """How the motors follow other forces around a point, beyond their recoil; one step after the other, since what is
-    in between is as large as the answer."""
-    T, X, K = len(problem.grids), len(motors), problem.samples
-    h, recoil = problem.grids[0].h, problem.recoil
-    assert recoil is not None
-    speeds, motions = curves(K, h)
-    B = speeds.shape[1]
+def beyond_recoil(
+    problem: Problem, recoil: Recoil, motors: Sequence[Motor], speeds: FloatArray
+) -> SingleArray:
+    """What forces on the motors make of η beyond the recoil, (T, X·B, X·(K + 1))."""
+    T, X, K, B = len(problem.grids), len(motors), problem.samples, speeds.shape[1]
+    out = np.zeros((T, X, B, X, K + 1), np.float32)
+    for x, motor in enumerate(motors):
+        gone = recoil.under(np.eye(K + 1), x, problem.grids[0].h)[..., 1]
+        for t, step in enumerate(motor.steps):
+            out[t, x, :, x] = speeds.T @ (reaction(step, motor.spreads, motor.balance) - gone)
+    return out.reshape(T, X * B, -1)
+
+
+def following(
+    problem: Problem, at: Point, motions: FloatArray, force: FloatArray, beyond: SingleArray
+) -> Following:
+    """How the motors follow forces other than `force` around a point, beyond their recoil; `beyond` is what these make
+    of the curves (B, K, 5), and the answer takes its place."""
     slopes = sensitivities(problem, at, motions)
-    gone = [recoil.under(np.eye(K + 1), x, h)[..., 1] for x in range(X)]
-    answer = np.empty((T, X * B, X * (K + 1)))
-    for t in range(T):
-        beyond = np.zeros((X, B, X, K + 1))
-        for x, motor in enumerate(motors):
-            beyond[x, :, x] = speeds.T @ (reaction(motor.steps[t], motor.spreads, motor.balance) - gone[x])
-        P = beyond.reshape(X * B, -1)
-        loop = np.eye(X * B) - P @ slopes.forces[t]
-        answer[t] = np.linalg.solve(loop.T @ loop + GUARD**2 * np.eye(X * B), loop.T @ P)
-    return replace(slopes, force=force, answer=answer)
+    for t, own in enumerate(beyond):
+        P = own.astype(np.float64)
+        loop = np.eye(len(P)) - P @ slopes.forces[t]
+        beyond[t] = np.linalg.solve(loop.T @ loop + GUARD**2 * np.eye(len(P)), loop.T @ P)
+    return replace(slopes, force=force, answer=beyond)
 
 
 def sensitivities(problem: Problem, at: Point, motions: FloatArray) -> Following:
@@ -179,14 +196,14 @@ def sensitivities(problem: Problem, at: Point, motions: FloatArray) -> Following
     for x in range(X):
         shifts[1 + x * B : 1 + (x + 1) * B, :, x] = NUDGE * motions
     still = answers(problem, at, shifts[:1])
-    slopes = [np.empty((*part.shape[1:], X * B)) for part in still]
+    slopes = [np.empty((*part.shape[1:], X * B), np.float32) for part in still]
     for k in range(1, 1 + X * B, TOGETHER):
         ways = shifts[k : k + TOGETHER]
         for slope, moved, before in zip(slopes, answers(problem, at, ways), still, strict=True):
             change = np.moveaxis((moved - before) / NUDGE, 0, -1)
             slope[..., k - 1 : k - 1 + len(ways)] = np.where(np.abs(change) < RUNAWAY, change, 0.0)
-    nothing = np.zeros(0)
-    return Following(nothing, nothing, *(slope.reshape(len(slope), -1, X * B) for slope in slopes))
+    said = (slope.reshape(len(slope), -1, X * B) for slope in slopes)
+    return Following(np.zeros(0), np.zeros(0, np.float32), *said)
 
 
 def answers(problem: Problem, at: Point, shifts: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -17,6 +17,7 @@ import numpy as np
 from scipy.interpolate import PPoly
 from scipy.linalg import cho_factor, cho_solve
 
+from service.backlash.model_fit_following import Following
 from service.dynamics.driven import Course, Response, course_of
 from service.dynamics.driven_balance import Along, Balanced, along, balance
 from service.dynamics.driven_model import LINKS, Model, Parameter, Values
@@ -42,7 +43,7 @@ against a speed sample, so that it does not hang on how the motor's motion is in
 LADDER = np.array([1e-4, 1e-2, 0.1, 0.5, 2.0, 10.0, 1e3])
 """Dampings tried at once around the last good one: lanes cost less than another round."""
 
-TOGETHER = 12
+TOGETHER = 8
 """Sets simulated in one pass: more gain no speed and cost 1 to 3 MB each."""
 
 PROBE = 0.1
@@ -50,50 +51,6 @@ PROBE = 0.1
 
 BENT = 0.75
 """Greatest length of the curvature's part over the step's own; beyond it two terms say nothing."""
-
-
-@dataclass(frozen=True)
-class Following:
-    """How the motors follow forces that differ from those of their reconstruction, linear around one point.
-
-    Beyond their recoil they move by curves with coefficients η = answer·δF; see model_fit_motion.
-
-    Attributes
-    ----------
-    force : (T, X, K + 1) on the motors per moved mass [m/s²], with which their motion was reconstructed
-    answer : (T, X·B, X·(K + 1))
-    acceleration, forces, recoil : (T, X·K, X·B), (T, X·(K + 1), X·B), (T, X·(K + 1)·2, X·B) what a unit of η changes
-    """
-
-    force: FloatArray
-    answer: FloatArray
-    acceleration: FloatArray
-    forces: FloatArray
-    recoil: FloatArray
-
-    def curves(self, force: FloatArray) -> FloatArray:
-        """η (T, S, X·B) under forces (S, T, X, K + 1)."""
-        difference = (force - self.force).reshape(*force.shape[:2], -1).swapaxes(0, 1)
-        return np.asarray(difference @ self.answer.swapaxes(1, 2))
-
-    def added(self, acceleration: FloatArray, force: FloatArray) -> FloatArray:
-        """The accelerations (S, T, X, K) with what the motors' following does to them."""
-        change = (self.curves(force) @ self.acceleration.swapaxes(1, 2)).swapaxes(0, 1)
-        return np.asarray(acceleration + change.reshape(acceleration.shape))
-
-    def settled(self, force: FloatArray, e: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Forces (T, X, K + 1) and recoil (T, X, K + 1, 2) with what the following does to them."""
-        eta = self.curves(force[None]).swapaxes(1, 2)
-        return force + (self.forces @ eta).reshape(force.shape), e + (self.recoil @ eta).reshape(e.shape)
-
-    def judged(self) -> Following:
-        """Without what only the forces need with which the motion is reconstructed further."""
-        return replace(self, forces=self.forces[:0], recoil=self.recoil[:0])
-
-    def first_steps(self, n: int) -> Following:
-        """The same for the first n steps."""
-        arrays = (self.force, self.answer, self.acceleration, self.forces, self.recoil)
-        return Following(*(a[:n] for a in arrays))
 
 
 @dataclass(frozen=True)
