@@ -156,7 +156,7 @@ def with_reconstructed_motion(
         motions.append(motion)
         if echoed:
             speed = measured.recording.traces[axis, "motor_speed"]
-            echoes.append([(1.0 - KEPT) * echo(speed, load, balance) for load in loads])
+            echoes.append([echo(speed, load, balance, 1.0 - KEPT) for load in loads])
     return replace(
         problem,
         motion=tuple(zip(*motions, strict=True)),

@@ -23,7 +23,7 @@ from service.dynamics.driven_balance import Along, Balanced, along, balance
 from service.dynamics.driven_model import LINKS, Model, Parameter, Values
 from service.dynamics.driven_motion import StepGrid, of_motors
 from service.dynamics.driven_recoil import Recoil
-from service.dynamics.driven_reconstruction import answered
+from service.dynamics.driven_reconstruction import Echo, answered
 from service.recording import FloatArray
 
 DIFFERENCE = 1e-4
@@ -77,7 +77,7 @@ class Problem:
     noise: FloatArray
     local_spread: FloatArray
     free: tuple[bool, ...]
-    echoes: tuple[tuple[FloatArray, ...], ...] = ()
+    echoes: tuple[tuple[Echo, ...], ...] = ()
     force: FloatArray | None = None
     recoil: Recoil | None = None
     following: Following | None = None

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline, CubicSpline, PPoly
 from scipy.signal import lfilter
 
@@ -31,6 +32,9 @@ LAGS = (1e-4, 2e-4, 3.5e-4, 5e-4, 7e-4, 1e-3, 1.4e-3, 2e-3)
 
 AT_ONCE = 64
 """Forces whose echoes are found at once: their splines hold fifteen numbers for each grid point and force."""
+
+FORGOTTEN = 12
+"""Samples after which a cubic spline has forgotten one: each leaves 0.27 of what the one before it left."""
 
 Load = tuple[FloatArray, FloatArray]
 """Times [s] and the simulated force on the motor per moved mass [m/s²] of one step."""
@@ -180,27 +184,58 @@ def reconstructed_motion(
     return position
 
 
-def echo(speed: Trace, load: Load, balance: Balance) -> FloatArray:
-    """How position, speed and acceleration of a reconstructed motion at a step's grid points change with the force
-    there: (3, K + 1, K + 1), linear, since the spline through the samples takes back what they contradict."""
-    part, out = window(speed, load), np.empty((3, len(load[0]), len(load[0])))
-    for first in range(0, len(load[0]), AT_ONCE):
-        forces = np.eye(len(load[0]))[:, first : first + AT_ONCE]
-        out[:, :, first : first + AT_ONCE] = -balance.force * unit_echoes(part, (load[0], forces))
-    return out
+@dataclass(frozen=True)
+class Echo:
+    """How speed and acceleration of a reconstructed motion answer the forces at the K + 1 points of a step's grid.
+
+    A spline forgets within a few samples, so a force is heard near its own time only; that is what is held, in single
+    precision: over all points it would be the largest array of a fit.
+
+    Attributes
+    ----------
+    h, points : spacing of the grid [s], K + 1
+    parts : forces that follow one another, the points at which they are heard, and the answer (2, n, m) of n points to
+        m forces
+    """
+
+    h: float
+    points: int
+    parts: tuple[tuple[slice, slice, NDArray[np.float32]], ...]
+
+    def of(self, force: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Position, speed and acceleration (M, K + 1) that forces (M, K + 1) add to the motion."""
+        out = np.zeros((2, len(force), self.points))
+        for forces, heard, answer in self.parts:
+            out[:, :, heard] += force[:, forces] @ answer.swapaxes(1, 2)
+        v, a = out
+        pieces = 0.5 * self.h * (v[:, 1:] + v[:, :-1]) + self.h**2 / 12.0 * (a[:, :-1] - a[:, 1:])
+        return np.pad(np.cumsum(pieces, axis=1), ((0, 0), (1, 0))), v, a
 
 
-def unit_echoes(part: Trace, load: Load) -> FloatArray:
-    """The echoes (3, K + 1, …) of forces (K + 1, …) on a motor as heavy as the load."""
-    time, force = load[0], force_course(load)
-    once, twice = force.antiderivative(), force.antiderivative(2)
+def echo(speed: Trace, load: Load, balance: Balance, share: float = 1.0) -> Echo:
+    """How a reconstructed motion changes with the force at a step's grid points, linear, since the spline through the
+    samples takes back what they contradict; `share` of it."""
+    part, time = window(speed, load), load[0]
+    h, points = float(time[1] - time[0]), len(time)
+    reach = round(FORGOTTEN * float(np.median(np.diff(part.time))) / h)
+    parts = []
+    for first in range(0, points, AT_ONCE):
+        forces = slice(first, min(first + AT_ONCE, points))
+        heard = slice(max(0, forces.start - reach), min(points, forces.stop + reach))
+        answer = unit_echoes(part, (time, np.eye(points)[:, forces]), time[heard])
+        parts.append((forces, heard, (-share * balance.force * answer).astype(np.float32)))
+    return Echo(h, points, tuple(parts))
+
+
+def unit_echoes(part: Trace, load: Load, at: FloatArray) -> FloatArray:
+    """The answer (2, n, …) of a motor as heavy as the load to forces (K + 1, …), at the times (n,)."""
+    force = force_course(load)
+    once = force.antiderivative()
     left = CubicSpline(part.time, once(part.time))
-    gone = left.antiderivative()
-    position = twice(time) - twice(time[0]) - gone(time) + gone(time[0])
-    return np.stack((position, once(time) - left(time), force(time) - left(time, 1)))
+    return np.stack((once(at) - left(at), force(at) - left(at, 1)))
 
 
-def answered(changed: FloatArray, echoes: Sequence[Sequence[FloatArray]], h: float) -> FloatArray:
+def answered(changed: FloatArray, echoes: Sequence[Sequence[Echo]], h: float) -> FloatArray:
     """What the motors' motion changes where the forces on them change by (S, T, X, K + 1), each having an echo (T, X):
     (S, T, K, X, 5). Steps that share an echo are done at once."""
     S, T, X, points = changed.shape
@@ -210,7 +245,7 @@ def answered(changed: FloatArray, echoes: Sequence[Sequence[FloatArray]], h: flo
         for t in range(T):
             alike.setdefault(id(echoes[t][x]), []).append(t)
         for steps in alike.values():
-            answer = echoes[steps[0]][x].reshape(-1, points)
-            moved = (changed[:, steps, x].reshape(-1, points) @ answer.T).reshape(S, len(steps), 3, points)
-            out[:, :, :, x][:, steps] = between(moved[:, :, 0], moved[:, :, 1], moved[:, :, 2], h)
+            moved = echoes[steps[0]][x].of(changed[:, steps, x].reshape(-1, points))
+            position, v, a = (part.reshape(S, len(steps), points) for part in moved)
+            out[:, :, :, x][:, steps] = between(position, v, a, h)
     return out

@@ -24,7 +24,7 @@ from service.dynamics.driven_motion import (
     plain_motion,
     sample_period,
 )
-from service.dynamics.driven_reconstruction import Balance, Load, answered, echo, window
+from service.dynamics.driven_reconstruction import Balance, Echo, Load, answered, echo, window
 from service.recording import FloatArray, Recording, Trace
 
 LEAD = 0.002
@@ -61,7 +61,7 @@ class Moves:
     motion: tuple[tuple[PPoly, ...], ...]
     bias: FloatArray
     expected: FloatArray
-    echoes: tuple[tuple[FloatArray, ...], ...] = ()
+    echoes: tuple[tuple[Echo, ...], ...] = ()
     reference: FloatArray | None = None
 
     @property
@@ -234,14 +234,14 @@ def with_reconstructed_motion(
     )
 
 
-def echoes_of(speed: Trace, loads: Sequence[Load], balance: Balance, share: float) -> list[FloatArray]:
+def echoes_of(speed: Trace, loads: Sequence[Load], balance: Balance, share: float) -> list[Echo]:
     """The echo of every move; moves whose samples lie alike on the grid share one."""
-    known: dict[tuple[int, int], FloatArray] = {}
+    known: dict[tuple[int, int], Echo] = {}
     out = []
     for load in loads:
         part = window(speed, load)
         where = (round((float(part.time[0]) - float(load[0][0])) * 1e7), len(part))
         if where not in known:
-            known[where] = share * echo(speed, load, balance)
+            known[where] = echo(speed, load, balance, share)
         out.append(known[where])
     return out
