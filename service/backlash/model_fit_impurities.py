@@ -76,16 +76,16 @@ class MeshError(DrivenEffect):
 
     def error(self, c: FloatArray, sizes: FloatArray, h: float) -> FloatArray:
         """Its polynomials (S, T, K, J) along motions c (S, T, K, J); sizes (WAVES, S)."""
-        points = grid_points(c, h)
-        x, v, a = np.zeros((3, *points.shape[:-1]))
-        for k in range(1, WAVES + 1):
-            size, wave = sizes[k - 1][:, None, None], np.pi * k / self.length
-            angle = wave * (points[..., 0] - self.origin)
-            along, across = size * np.cos(angle), -size * wave * np.sin(angle)
-            x += along
-            v += across * points[..., 1]
-            a += across * points[..., 2] - wave**2 * along * points[..., 1] ** 2
-        return between(x, v, a, h)
+        points, wave = grid_points(c, h), np.pi / self.length
+        first = np.exp(1j * wave * (points[..., 0] - self.origin))
+        turned, along, across, twice = np.ones_like(first), 0.0, 0.0, 0.0
+        for k, size in enumerate(sizes[:, :, None, None], 1):
+            turned = turned * first
+            along = along + size * turned.real
+            across = across - k * wave * size * turned.imag
+            twice = twice - (k * wave) ** 2 * size * turned.real
+        v, a = across * points[..., 1], across * points[..., 2] + twice * points[..., 1] ** 2
+        return between(along, v, a, h)
 
 
 @dataclass(frozen=True)
@@ -122,6 +122,6 @@ class BentContact(DrivenEffect):
 
 def stiffening(bend: FloatArray) -> FloatArray:
     """What every piece adds to the stiffness (S, len(BENDS) − 1), by least squares on the curve x^(1 + bend)."""
-    x = np.linspace(0.0, BENDS[-1], 400)
+    x = np.linspace(0.0, BENDS[-1], 200)
     deeper = np.maximum(x[:, None] - np.array(BENDS[:-1]), 0.0)
     return np.asarray(np.linalg.lstsq(deeper, x[:, None] ** (1.0 + bend), rcond=None)[0].T)

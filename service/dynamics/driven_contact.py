@@ -19,10 +19,12 @@ def touching(flanks, g, side, z):
     place, many, delta, force = flanks
     near, push = 0.0, 0.0
     for m in range(many[2 * g + side]):
-        value = z[place[2 * g + side, m]]
-        near += delta[2 * g + side, m] * value
-        push += force[2 * g + side, m] * value
-    return near > 0.0 and push > 0.0
+        near += delta[2 * g + side, m] * z[place[2 * g + side, m]]
+    if not near > 0.0:
+        return False
+    for m in range(many[2 * g + side]):
+        push += force[2 * g + side, m] * z[place[2 * g + side, m]]
+    return push > 0.0
 
 
 @within
