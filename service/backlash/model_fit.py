@@ -43,8 +43,10 @@ METHOD = "model_fit"
 
 MIN_STEPS = 4
 
-SINGLE = Effort(tried=8, starts=2)
-AGAIN = Effort(candidates=320, starts=2, refine=(3, 4, 5), settling=2, seed=2, sharings=False)
+SINGLE = Effort(tried=8, starts=2, following=(5, 4))
+AGAIN = Effort(
+    candidates=320, starts=2, refine=(3, 4, 5), following=(5, 4), settling=2, seed=2, sharings=False
+)
 """The further search of a single axis. Few rounds between reconstructions: where the contact swings near half the
 rate of the speed samples, a machine that is fitted to the end on one reconstruction takes the input's error into
 its parameters, and its reconstruction is worse for it."""

@@ -13,6 +13,7 @@ import numpy as np
 
 from service.backlash.model_fit_data import Measured, problem_of, with_reconstructed_motion
 from service.backlash.model_fit_impurities import impurities
+from service.backlash.model_fit_motion import with_following_motors
 from service.backlash.model_fit_problem import Fit, Point, Problem, fit
 from service.backlash.model_fit_start import SEARCH_STEPS, Guess, best_starts, candidates
 from service.dynamics.driven_model import LINKS, Model
@@ -43,6 +44,9 @@ SHARINGS = tuple(
 )
 """Shares of gear, pinion and contact in the compliance and of gear and pinion in the drive's mass."""
 
+GLIMPSE, PROMISING = 2, 2
+"""Rounds that each sharing is fitted for, and how many of them go on."""
+
 
 NEARER = 0.75
 """Share of the cost on a few steps below which another search's start is worth a fit of all steps."""
@@ -50,6 +54,9 @@ NEARER = 0.75
 
 SETTLES = 0.8
 """Share of the misfit that a cycle of settling has to leave at most for another to follow."""
+
+FOLLOWED_BETTER = 1.5
+"""Misfit over all steps from which on the motor's motion is suspected: as much again as half the noise."""
 
 GOOD = 1.15
 """Misfit at which no further start is tried: only noise is left."""
@@ -272,9 +279,15 @@ def refined(measured: Measured, problem: Problem, starts: list[Outcome], effort:
 
 
 def over_all_steps(measured: Measured, problem: Problem, begin: Point, effort: Effort) -> list[Outcome]:
-    """Passes over all steps, after the initial states and the motor's motion have settled."""
+    """Passes over all steps, after the initial states and the motor's motion have settled; where they leave more than
+    noise, further ones in which the motor follows all that its samples, its torque and the force say together."""
     problem, begin = settled(measured, problem, begin, 2, following_force)
-    return passes(measured, problem, begin, effort.refine, following_force)
+    ends = passes(measured, problem, begin, effort.refine, following_force)
+    best = min(ends, key=lambda o: o.fit.cost)
+    if not FOLLOWED_BETTER < best.fit.misfit < HOPELESS:
+        return ends
+    motors = with_following_motors(measured, replace(best.problem, echoes=()), best.fit)
+    return ends + passes(measured, motors, best.fit.point, effort.following, with_following_motors)
 
 
 def best_shared_out(few: Problem, begin: Point, effort: Effort) -> Outcome:
@@ -289,7 +302,9 @@ def best_shared_out(few: Problem, begin: Point, effort: Effort) -> Outcome:
         points = [
             Point(shared_out(few.model, found.point.shared, *way), found.point.local) for way in SHARINGS
         ]
-        found = min((found, *(fit(few, point, effort.brief, 0.3) for point in points)), key=lambda f: f.cost)
+        begun = sorted((fit(few, point, GLIMPSE, 1.0) for point in points), key=lambda f: f.cost)
+        ends = (fit(few, f.point, effort.brief, 0.3) for f in begun[:PROMISING])
+        found = min((found, *ends), key=lambda f: f.cost)
     return Outcome(few, found)
 
 

@@ -13,6 +13,10 @@ EVENTS = 8
 """Contact events within one piece of an interval; more is chatter below the sensor's noise."""
 
 
+CLOSE = 1e-10
+"""How closely an event is found, as a share of the piece; it is passed by as much."""
+
+
 @within
 def touching(flanks, g, side, z):
     """Whether a flank touches and pushes: whether its approach and its force are both positive."""
@@ -69,7 +73,7 @@ def lesser(polynomials, many, t):
 
 @lean
 def crossing(polynomials, many, left):
-    """First time in [0, left] at which `lesser` changes its sign: quarters, then regula falsi and halving."""
+    """First time in [0, left] at which `lesser` changes its sign: quarters, then regula falsi."""
     begin = lesser(polynomials, many, 0.0)
     a, fa = 0.0, begin
     b, fb = left, begin
@@ -81,20 +85,24 @@ def crossing(polynomials, many, left):
         a, fa = b, fb
     if (fb > 0.0) == (begin > 0.0):
         return left
+    before, side = a, 0
     for trial in range(60):
-        t = b - fb * (b - a) / (fb - fa) if trial % 3 < 2 else 0.5 * (a + b)
-        if not a < t < b:
+        t = b - fb * (b - a) / (fb - fa)
+        if not a < t < b or trial % 8 == 7:
             t = 0.5 * (a + b)
         f = lesser(polynomials, many, t)
         if (f > 0.0) == (fb > 0.0):
             b, fb = t, f
-            fa *= 0.5
+            fa *= 0.5 if side == 1 else 1.0
+            side = 1
         else:
             a, fa = t, f
-            fb *= 0.5
-        if b - a <= 1e-10 * left:
+            fb *= 0.5 if side == -1 else 1.0
+            side = -1
+        if abs(t - before) <= CLOSE * left:
             break
-    return b
+        before = t
+    return min(t + CLOSE * left, left)
 
 
 @lean

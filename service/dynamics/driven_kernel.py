@@ -18,8 +18,9 @@ from service.recording import FloatArray
 
 Arrays = tuple[NDArray[Any], ...]
 
-HOPELESS = 1e4
-"""Time constants per interval from which on a parameter set is no machine; its states are NaN."""
+HOPELESS = 100.0
+"""Time constants per interval from which on a parameter set is no machine; its states are NaN. Stiff pinions have 10 to
+20, and every event in an interval is looked for in pieces of four."""
 
 
 @within
