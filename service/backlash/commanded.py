@@ -25,7 +25,10 @@ SETTLED = 0.3
 
 PEAK = (0.5, 1.4)
 """Range of the motor's largest speed over 2·SL/duration, what a step without a constant speed reaches. Chosen: loops
-without feed-forward fall short and overshoot by a fifth, and the methods see the motor's real motion."""
+without feed-forward overshoot by a fifth and fall short by a third, and the methods see the motor's real motion."""
+
+RESTING, AT_REST = 0.1, 0.02
+"""Share of the move over which the motor may move with hardly any of its greatest speed, while it is to move fast."""
 
 PLATEAU, HARDLY = 0.25, 0.15
 """Share of the move over which the motor may accelerate with hardly any of its greatest: a step without constant speed
@@ -56,7 +59,7 @@ SPEED_UNITS = (
 
 def followed(recording: Recording, axis: str, steps: Sequence[StepSignals]) -> Refusal | None:
     """Refuse a run in which the motor did not make the commanded steps; at least one whole step is needed."""
-    return _travelled(recording, axis) or _motor(steps) or _profile(steps)
+    return _travelled(recording, axis) or _stopped(steps) or _motor(steps) or _profile(steps)
 
 
 def _travelled(recording: Recording, axis: str) -> Refusal | None:
@@ -91,6 +94,24 @@ def _travel(speed: Trace, moves: Sequence[Move], index: int) -> float:
     end = min(rest, moves[index + 1].start) if index + 1 < len(moves) else rest
     part = speed.between(move.start, end)
     return move.direction * float(np.trapezoid(part.value, part.time)) / move.length
+
+
+def _stopped(steps: Sequence[StepSignals]) -> Refusal | None:
+    """Refuse a motor that rests while it is commanded to move fast."""
+    resting = float(np.median([_rest(step) for step in steps]))
+    if resting < RESTING:
+        return None
+    return Refusal(
+        Reason.TRAJECTORY_NOT_FOLLOWED,
+        f"The motor stands still for {resting:.0%} of the commanded step; it was stopped: look for an obstacle, a limit "
+        "or a fault of the drive.",
+    )
+
+
+def _rest(step: StepSignals) -> float:
+    """Longest share of the move's middle over which the motor hardly moves."""
+    speed = np.abs(step.speed.value[step.within(0.2, 0.85)])
+    return longest(speed < AT_REST * np.max(step.speed.value)) * step.speed.period / step.move.duration
 
 
 def _motor(steps: Sequence[StepSignals]) -> Refusal | None:
