@@ -103,8 +103,8 @@ def _stopped(steps: Sequence[StepSignals]) -> Refusal | None:
         return None
     return Refusal(
         Reason.TRAJECTORY_NOT_FOLLOWED,
-        f"The motor stands still for {resting:.0%} of the commanded step; it was stopped: look for an obstacle, a limit "
-        "or a fault of the drive.",
+        f"The motor stands still for {resting:.0%} of the commanded step; it was stopped: look for an obstacle, "
+        "a limit or a fault of the drive.",
     )
 
 

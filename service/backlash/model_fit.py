@@ -25,6 +25,7 @@ from service.backlash.model_fit_interval import (
     noise_variance,
     structure_variance,
 )
+from service.backlash.model_fit_mesh_size import by_evidence
 from service.backlash.model_fit_profile import widened
 from service.backlash.model_fit_stages import (
     Effort,
@@ -169,7 +170,7 @@ class StepValues:
 def step_values(outcome: Outcome, fit: Linearised, x: int) -> StepValues:
     """What each step says by itself, from one linearised solve for b and its initial state."""
     problem, k = outcome.problem, coordinate(outcome, x)
-    parameter, u = problem.model.parameters[k], outcome.fit.point.shared[k]
+    parameter, u = problem.model.parameters[k], fit.at.shared[k]
     half = 0.5 * float(parameter.value(u))
     b, t1, t2 = [], [], []
     for t, (grid, step) in enumerate(zip(problem.grids, fit.steps, strict=True)):
@@ -192,7 +193,9 @@ def first_time(time: FloatArray, happened: FloatArray) -> float:
     return float(time[np.argmax(happened)]) if np.any(happened) else float("nan")
 
 
-def interval_half_width(staged: Staged, fit: Linearised, x: int, steps: StepValues) -> float:
+def interval_half_width(
+    staged: Staged, fit: Linearised, x: int, steps: StepValues, unsure: float = 0.0
+) -> float:
     """Half width of the 95 % interval [m] of axis x: what moves the fit's value, and the spread over its passes.
 
     Passes count that the data do not tell from the best: within two of the logarithm of the likelihood, the residuals
@@ -201,7 +204,7 @@ def interval_half_width(staged: Staged, fit: Linearised, x: int, steps: StepValu
     best, k = staged.best, coordinate(staged.best, x)
     value = float(backlashes(best.problem, best.fit)[x])
     crossed = np.where(np.isfinite(steps.t2), steps.b, np.nan)
-    variance = noise_variance(fit, k) + structure_variance(fit, k, best.fit.misfit)
+    variance = unsure + noise_variance(fit, k) + structure_variance(fit, k, best.fit.misfit)
     variance += disagreement(crossed, best.problem.s)
     as_good = best.fit.cost + 2.0 * max(1.0, best.fit.misfit)
     near = [float(backlashes(o.problem, o.fit)[x]) for o in staged.ends if o.fit.cost < as_good]
@@ -211,9 +214,14 @@ def interval_half_width(staged: Staged, fit: Linearised, x: int, steps: StepValu
 def judged(recording: Recording, measured: Measured, staged: Staged, x: int) -> AxisResult:
     """Verdict, value and interval of axis x of the fit."""
     best, name = staged.best, staged.best.problem.model.axes[x]
-    fit, value = linearised(best.problem, best.fit.point), float(backlashes(best.problem, best.fit)[x])
+    fit, unsure = linearised(best.problem, best.fit.point), 0.0
+    k = coordinate(best, x)
+    if len(best.problem.model.axes) == 1:
+        fit, spread = by_evidence(fit, best.fit.misfit)
+        unsure = float(spread[k, k]) * fit.slope(k) ** 2
+    value = float(best.problem.model.parameters[k].value(fit.at.shared[k]))
     steps = step_values(best, fit, x)
-    half = interval_half_width(staged, fit, x, steps)
+    half = interval_half_width(staged, fit, x, steps, unsure)
     if len(best.problem.model.axes) == 2 and half < TOO_WIDE * value:
         # Where a partner holds the load a flank may be reached only just, in some steps, or in one direction.
         value, half = widened(best, f"{name}.backlash", half)

@@ -10,9 +10,11 @@ nothing.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import ClassVar
 
 import numpy as np
+from numpy.polynomial.legendre import leg2poly
 
 from service.backlash.model_fit_problem import Problem
 from service.dynamics.driven_effect import Case, DrivenEffect, Room
@@ -26,16 +28,15 @@ BEND = 0.1
 """Prior of n − 1: steel on steel in line contact, as tooth flanks bear, has n = 10/9."""
 
 MESH = 3e-6
-"""Prior of the mesh error's longest wave [m], shorter ones in proportion to their length: what racks and pinions of
-medium quality have within a tooth."""
+"""Prior of the mesh error's longest waves [m]: what racks and pinions of medium quality have within a tooth."""
+
+BOWS = 5
+"""Legendre polynomials over the stroke that are free. Chosen: a step of 4 to 6 mm is about one tooth, its mesh error
+one wave or less, of which these leave a fiftieth; faster ones hardly change between release and impact on average."""
 
 BENDS = (0.0, 0.06, 0.2, 0.5, 0.9, 1.5, 2.4)
 """Depths between which a bent flank is straight, in depths under TYPICAL_PUSH. Chosen: twice as many move the backlash
 by 0.05 µm at most, and a flank is hardly ever pressed deeper."""
-
-WAVES = 4
-"""Half waves per stroke that are free. Chosen: a step of 4 to 6 mm is about one tooth, its mesh error one or two
-waves long; faster ones hardly change between release and impact on average."""
 
 
 def impurities(problem: Problem) -> tuple[DrivenEffect, ...]:
@@ -48,7 +49,8 @@ def impurities(problem: Problem) -> tuple[DrivenEffect, ...]:
 
 @dataclass(frozen=True)
 class MeshError(DrivenEffect):
-    """Kinematic error of the mesh, locked to the position: cosines over the stroke, and with them what is smooth.
+    """Kinematic error of the mesh, locked to the position: Legendre polynomials over the stroke. Cosines would fit as
+    many numbers and leave a tenth of a wave that begins and ends with a slope.
 
     Attributes
     ----------
@@ -61,31 +63,39 @@ class MeshError(DrivenEffect):
     name: ClassVar[str] = "mesh_error"
     means: ClassVar[str] = "the mesh of rack and pinion runs with a smooth error"
     own: ClassVar[tuple[Parameter, ...]] = tuple(
-        Parameter(f"mesh_{k}", "m", 0.0, MESH / k, logarithmic=False) for k in range(1, WAVES + 1)
+        Parameter(f"mesh_{k}", "m", 0.0, MESH * min(1.0, 2.0 / k), logarithmic=False)
+        for k in range(1, BOWS + 1)
     )
 
     def drive(self, c: FloatArray, case: Case) -> FloatArray:
         """Position, speed and acceleration of the error at the grid points; a polynomial between them."""
         out = c.copy()
         for _, axis, x in self.each(case.model):
-            sizes = np.stack([case.values[f"{axis}.mesh_{k}"] for k in range(1, WAVES + 1)])
+            sizes = np.stack([case.values[f"{axis}.mesh_{k}"] for k in range(1, BOWS + 1)])
             lanes = np.flatnonzero(np.any(sizes != 0.0, axis=0))
             if len(lanes):
                 out[lanes, :, :, x] += self.error(c[lanes, :, :, x], sizes[:, lanes], case.h)
         return out
 
     def error(self, c: FloatArray, sizes: FloatArray, h: float) -> FloatArray:
-        """Its polynomials (S, T, K, J) along motions c (S, T, K, J); sizes (WAVES, S)."""
-        points, wave = grid_points(c, h), np.pi / self.length
-        first = np.exp(1j * wave * (points[..., 0] - self.origin))
-        turned, along, across, twice = np.ones_like(first), 0.0, 0.0, 0.0
-        for k, size in enumerate(sizes[:, :, None, None], 1):
-            turned = turned * first
-            along = along + size * turned.real
-            across = across - k * wave * size * turned.imag
-            twice = twice - (k * wave) ** 2 * size * turned.real
-        v, a = across * points[..., 1], across * points[..., 2] + twice * points[..., 1] ** 2
-        return between(along, v, a, h)
+        """Its polynomials (S, T, K, J) along motions c (S, T, K, J); sizes (BOWS, S)."""
+        points, scale = grid_points(c, h), 2.0 / self.length
+        place = scale * (points[..., 0] - self.origin) - 1.0
+        along = np.zeros_like(place)
+        slope, bow = along, along
+        for size in (powers() @ sizes)[::-1, :, None, None]:
+            bow = bow * place + 2.0 * slope
+            slope = slope * place + along
+            along = along * place + size
+        v, a = scale * slope * points[..., 1], scale * slope * points[..., 2]
+        return between(along, v, a + scale**2 * bow * points[..., 1] ** 2, h)
+
+
+@cache
+def powers() -> FloatArray:
+    """Coefficients (BOWS + 1, BOWS) of the powers of the place that the polynomials are made of."""
+    legendre = np.eye(BOWS + 1)[1:]
+    return np.stack([np.pad(leg2poly(one), (0, BOWS - k)) for k, one in enumerate(legendre, 1)], axis=1)
 
 
 @dataclass(frozen=True)
@@ -113,7 +123,8 @@ class BentContact(DrivenEffect):
         end = system.n + system.constant()
         for at, axis, x in self.each(case.model):
             more = room.gap + at * (len(BENDS) - 2) + np.arange(len(BENDS) - 2)
-            k, d, stiffer = system.k[:, x].copy(), system.d[:, x].copy(), stiffening(case.values[f"{axis}.bend"])
+            k, d = system.k[:, x].copy(), system.d[:, x].copy()
+            stiffer = stiffening(case.values[f"{axis}.bend"])
             for gap, begin, share in zip((x, *more), BENDS, stiffer.T, strict=False):
                 system.approach[:, gap], system.push[:, gap] = system.approach[:, x], system.push[:, x]
                 system.approach[:, gap, :, end] -= (begin * TYPICAL_PUSH / k)[:, None]

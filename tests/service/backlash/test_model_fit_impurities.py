@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.polynomial.legendre import legval
 
 from service.backlash.model_fit_impurities import BentContact, MeshError
 from service.dynamics.driven import simulate
@@ -46,13 +47,13 @@ def test_a_bent_flank_is_as_deep_as_its_law_says(a: float, bend: float) -> None:
 
 
 def test_a_mesh_error_moves_by_what_it_is_along_the_stroke() -> None:
-    """Its speed and acceleration are the derivatives of its position, which is the cosines' sum."""
+    """Its speed and acceleration are the derivatives of its position, which is the polynomials' sum."""
     mesh = MeshError(("X1",), 0.0, 4e-3)
-    sizes = np.array([[2e-6], [-1e-6], [0.5e-6], [0.3e-6]])
+    sizes = np.array([[2e-6], [-1e-6], [0.5e-6], [0.3e-6], [-0.2e-6]])
     c = pulled(3.0, 180)
     error = mesh.error(c[:, :, :, 0], sizes, H)[0, 0]
     x = c[0, 0, :, 0, 0]
-    wanted = sum(sizes[k - 1, 0] * np.cos(np.pi * k * x / 4e-3) for k in range(1, 5))
+    wanted = legval(x / 2e-3 - 1.0, np.append(0.0, sizes))
     assert error[:, 0] == pytest.approx(wanted, abs=1e-12)
     assert error[1:-1, 1] == pytest.approx(np.gradient(wanted, H)[1:-1], abs=1e-3 * np.ptp(error[:, 1]))
     assert error[2:-2, 2] == pytest.approx(
@@ -71,3 +72,19 @@ def test_nothing_of_either_changes_nothing() -> None:
         for model in (pure, impure)
     )
     assert second == pytest.approx(first, abs=1e-9)
+
+
+def test_what_a_bent_flank_answers_does_not_hang_on_the_grid() -> None:
+    """A load that swings free and meets the flank between two grid points, on a grid and on one ten times finer."""
+    model = Model(("X1",), 2, effects=(BentContact(("X1",)),))
+    given = values(model, bend=0.1)
+    load = np.array([[[[0.0, -8e-3]]]])
+    coarse = simulate(model, given, still(60), np.ones(1), load, H).acceleration[0, 0, 0]
+    fine = simulate(model, given, still(600), np.ones(1), load, 0.1 * H).acceleration[0, 0, 0]
+    assert np.max(np.abs(coarse)) > 1.0
+    assert coarse == pytest.approx(fine.reshape(60, 10).mean(axis=1), abs=1e-6)
+
+
+def still(K: int) -> FloatArray:
+    """A motor at rest, (1, 1, K, 1, 5)."""
+    return np.zeros((1, 1, K, 1, 5))

@@ -154,6 +154,14 @@ def test_a_loop_that_rings_or_creeps_is_the_drives_own_affair(overshoot: float) 
     assert admit(with_speed(source, ringing), "X1") is None
 
 
+def test_a_soft_loop_that_friction_stops_a_third_short_is_the_drives_own_affair() -> None:
+    def short(share: FloatArray) -> FloatArray:
+        near = np.minimum(share, 1 - share)
+        return np.asarray(np.where(near < 0.25, 16 * near**2, 2 - 16 * (0.5 - near) ** 2) * 2.0 / 3.0)
+
+    assert admit(with_speed(recording(SOUND), short), "X1") is None
+
+
 def test_a_section_of_constant_speed_breaks_the_excitation() -> None:
     def cut_off(share: FloatArray) -> FloatArray:
         return np.minimum.reduce([share, 1 - share, np.full(len(share), 0.25)]) / 0.1875

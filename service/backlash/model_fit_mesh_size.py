@@ -1,0 +1,52 @@
+"""How large a machine's mesh error is, by its own recording, and the backlash that goes with it.
+
+The slope of the mesh's error at the middle of the stroke is hardly to be told from the backlash, and under a prior as
+wide as MESH that costs up to a micrometre, on clean machines too. But an error of that size is bent as well, and its
+bows shake the load: the recording says how large the error of this machine is. So the prior's width is unknown too. For
+each of a few widths the fit at its end, taken linear, says what the backlash would be and how likely the recording is;
+the backlash is their mean by those likelihoods (a hierarchical prior, its width evenly in the logarithm).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from service.backlash.model_fit_interval import Linearised
+from service.backlash.model_fit_problem import Point
+from service.recording import FloatArray
+
+WIDTHS = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0)
+"""Of the mesh errors' prior, over that of the fit. The least is 0.2 µm: it moves no backlash any more."""
+
+
+def by_evidence(fit: Linearised, misfit: float) -> tuple[Linearised, FloatArray]:
+    """The linearised fit as the mean over the widths by their likelihood, and the variance of all shared coordinates
+    (P, P) that not knowing the width adds.
+
+    Residuals are taken as large as they are: the likelihood of a fit with a `misfit` above 1 is that much flatter.
+    """
+    u = fit.at.shared
+    mesh = np.array([".mesh_" in p.name for p in fit.problem.model.parameters])
+    information = np.linalg.inv(fit.covariance) / max(1.0, misfit)
+    moved, covariances, weights = [], [], []
+    for width in WIDTHS:
+        tighter = np.where(mesh, width**-2 - 1.0, 0.0)
+        covariance = np.linalg.inv(information + np.diag(tighter))
+        step = -covariance @ (tighter * u)
+        cost = 0.5 * step @ information @ step + 0.5 * np.sum(tighter * (u + step) ** 2)
+        volume = 0.5 * np.linalg.slogdet(covariance)[1] - np.sum(mesh) * np.log(width)
+        moved.append(step)
+        covariances.append(covariance / max(1.0, misfit))
+        weights.append(volume - cost)
+    share = np.exp(np.array(weights) - max(weights))
+    share /= np.sum(share)
+    mean = share @ np.stack(moved)
+    apart = np.stack(moved) - mean
+    steps = tuple(replace(step, r=step.r + step.cleared @ mean) for step in fit.steps)
+    covariance = np.tensordot(share, np.stack(covariances), 1)
+    return (
+        replace(fit, at=Point(u + mean, fit.at.local), steps=steps, covariance=covariance),
+        np.asarray((share[:, None] * apart).T @ apart),
+    )
