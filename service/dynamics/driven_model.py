@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 
 from service.dynamics.driven_effect import Case, DrivenEffect, Room
-from service.dynamics.driven_friction import add_friction, speeds
+from service.dynamics.driven_friction import CORNERS, add_friction, speeds
 from service.dynamics.driven_parameters import (
     AXIS_PARAMETERS,
     BRIDGE_PARAMETERS,
@@ -99,8 +99,8 @@ class Model(Structure):
 
     @property
     def first_free_gap(self) -> int:
-        """Gaps of the declared model: one per axis, and one for the corners of its friction."""
-        return len(self.axes) * (2 if self.friction == "whole_move" else 1)
+        """Gaps of the declared model: one per axis, and those for the corners of its friction."""
+        return len(self.axes) * (1 + len(CORNERS) if self.friction == "whole_move" else 1)
 
 
 def assemble(model: Model, case: Case, cases: Cases) -> LinearSystem:
@@ -126,7 +126,7 @@ def assemble(model: Model, case: Case, cases: Cases) -> LinearSystem:
     for effect, own, room in cases:
         effect.assemble(system, own, room)
     for axis, guide in enumerate(system.guides):
-        add_friction(system, guide, X + axis, curved)
+        add_friction(system, guide, X + len(CORNERS) * axis, curved)
     return system
 
 

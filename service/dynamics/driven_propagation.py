@@ -62,7 +62,7 @@ class Guide:
     onto : (S, n) what a unit of force on the carriage adds to the states' rates
     forward, backward : (S,) Coulomb level in positive and in negative travel [m/s²]
     viscous : (S,) [1/s]
-    turnover : (S,) speed at which the Coulomb level is reached [m/s]; None: the axis is always moving
+    turnover : (S,) speed within which the Coulomb force turns over [m/s]; None: the axis is always moving
     table : (S, P) further friction [m/s²], against positive travel, at driven_friction.speeds()
     """
 

@@ -45,6 +45,18 @@ def driven(v: dict[str, FloatArray]) -> FloatArray:
     return np.asarray(simulate(MODEL, v, c[None, None, :, None], np.ones(1), load(), H).acceleration[0, 0, 0])
 
 
+def knee(x: FloatArray | float) -> FloatArray:
+    """The declared friction's turning over, its three corners written down once more."""
+    return np.asarray(
+        0.30 * np.clip(x / 0.62, -1, 1) + 0.45 * np.clip(x / 1.30, -1, 1) + 0.25 * np.clip(x / 2.40, -1, 1)
+    )
+
+
+def test_friction_turns_over_like_the_smooth_law_that_stands_for_sliding() -> None:
+    x = np.linspace(-8.0, 8.0, 3201)
+    assert np.abs(knee(x) - np.tanh(x)).max() < 0.03
+
+
 def integrated(v: dict[str, FloatArray]) -> FloatArray:
     """Flank and held friction written down once more, with tiny steps."""
     position = plain_motion(step_motion(), 1.0)
@@ -57,8 +69,8 @@ def integrated(v: dict[str, FloatArray]) -> FloatArray:
         beyond = delta - np.clip(delta, -half, half)
         force = k * beyond + d * rate * (beyond != 0.0)
         force = force if force * beyond > 0.0 else 0.0
-        held = p["coulomb"] * np.clip(x[1] / p["turnover_speed"], -1.0, 1.0)
-        return [x[1], force - held - p["viscous"] * x[1]]
+        held = p["coulomb"] * knee(x[1] / p["turnover_speed"])
+        return [x[1], force - float(held) - p["viscous"] * x[1]]
 
     grid = -0.005 + H * np.arange(K + 1)
     speed = solve_ivp(

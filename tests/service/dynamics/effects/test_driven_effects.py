@@ -76,7 +76,9 @@ class Plain:
     def friction(self, slip: float) -> float:
         up = self.v["coulomb"] + self.get("coulomb_asymmetry") + self.get("breakaway")
         down = self.v["coulomb"] - self.get("coulomb_asymmetry") + self.get("breakaway")
-        held = float(np.clip(0.5 * (up + down) / self.v["turnover_speed"] * slip, -down, up))
+        x, mean = slip / self.v["turnover_speed"], 0.5 * (up + down)
+        knee = ((0.30, 0.62), (0.45, 1.30), (0.25, 2.40))
+        held = sum(share * float(np.clip(mean * x / at, -down, up)) for share, at in knee)
         more = self.v["viscous"] * slip + self.get("viscous_asymmetry") * abs(slip)
         fade = np.exp(-((slip / self.e.get("stribeck_speed", 1.0)) ** 2)) - 1.0
         more += self.get("breakaway") * float(fade) * float(np.sign(slip))
