@@ -43,8 +43,10 @@ PROMISING = 4
 """Effects that are fitted further after a first look at all."""
 FINALISTS = 2
 """Effects whose fit is finished with the motor's motion reconstructed from it."""
-MORE, ENDED, HOPELESS = 3, 1.05, 4.0
-"""How often a fit is continued, the RMS at which it need not be, and that from which more rounds do not help."""
+MORE, GAIN = 3, 0.005
+"""How often a fit is continued, and the share of its RMS that it must gain to be continued again."""
+ENDED, HOPELESS = 1.05, 4.0
+"""RMS up to which a fit need not be begun elsewhere, and from which on more rounds do not help."""
 PUT_BACK = ("turnover_speed", "coulomb", "viscous", "damping_ratio", "smear")
 """Parameters that a wrong model drives into a corner from which a fit comes back slowly."""
 
@@ -241,12 +243,10 @@ def ended(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
     for place in (scene.rich, scene.smooth):
         if best.rms > ENDED:
             best = min(best, elsewhere(best, place), key=lambda f: f.rms)
-    for _ in range(MORE):
-        if not ENDED < best.rms < HOPELESS:
-            break
+    for _ in range(MORE if best.rms < HOPELESS else 0):
         further = settled(best, ROUNDS)
         gained, best = best.rms - further.rms, min(best, further, key=lambda f: f.rms)
-        if gained < 0.02 * best.rms:
+        if gained < GAIN * best.rms:
             break
     return trial if best is trial.model.fitted else trial_of(scene, best)
 
