@@ -1,11 +1,11 @@
 """Friction of a carriage in its guide: viscous, Coulomb, and curves of the sliding speed that effects add.
 
 While a move is under way in one direction, Coulomb friction is a constant, −s·F_C. Over a whole move, from rest to
-rest, it holds the carriage until it is pushed over its breakaway level, F_C·tanh(v/v_t): it turns over within the
-turnover speed v_t. The curve's knee is made of a few corners, which are contact events like those of a flank, so that
-sticking is as exact as sliding, whatever the grid. One sharp corner instead is seen: a load that starts shows the
-shape of the knee, and a fit makes up for a wrong one by another Coulomb level (by 0.03 m/s², which it takes for
-another viscous friction, and which is wrong by as much at another speed).
+rest, it holds the carriage until it is pushed over its breakaway level: it grows with the speed, up to its level some
+way beyond the turnover speed. The knee of that curve is made of three corners, which are contact events like those of
+a flank, so that sticking is as exact as sliding, whatever the grid. How far they lie apart is a number of its own: a
+load that starts shows the shape of the knee, and a fit makes up for a wrong one by another Coulomb level and another
+viscous friction (0.03 m/s² and a third of it were seen), which together are wrong at every other speed.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ quarter of it."""
 WIDTH = 5e-4
 """Spacing of the tables [m/s]; chosen: an eighth of the smallest Stribeck speed that guides have."""
 
-CORNERS = ((0.30, 0.62), (0.45, 1.30), (0.25, 2.40))
-"""Shares of the Coulomb level, and where each is reached over the turnover speed: nearest to tanh by least squares,
-within 3 %."""
+SHARES = (0.30, 0.45, 0.25)
+"""Of the Coulomb level, what turns over before, at and after the turnover speed. Chosen: with the corners twice, 2.6
+and 3.9 times apart they come within 4, 4 and 6 % of tanh x, x/√(1 + x²) and the arc tangent."""
 
 
 def speeds() -> FloatArray:
@@ -43,8 +43,9 @@ def add_friction(system: LinearSystem, guide: Guide, gap: int, curved: bool) -> 
         system.B[:, :, system.constant(1)] -= mean[:, None] * onto
         system.B[:, :, system.constant(0)] -= half[:, None] * onto
     else:
-        for place, (share, times) in enumerate(CORNERS):
-            add_corner(system, guide, share, times * guide.turnover, gap + place)
+        speed, spread = guide.turnover
+        for place, share in enumerate(SHARES):
+            add_corner(system, guide, share, speed * spread ** (place - 1), gap + place)
     if curved:
         S = len(guide.table)
         system.curves.append(

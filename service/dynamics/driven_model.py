@@ -17,13 +17,13 @@ from typing import Literal
 import numpy as np
 
 from service.dynamics.driven_effect import Case, DrivenEffect, Room
-from service.dynamics.driven_friction import CORNERS, add_friction, speeds
+from service.dynamics.driven_friction import SHARES, add_friction, speeds
 from service.dynamics.driven_parameters import (
     AXIS_PARAMETERS,
     BRIDGE_PARAMETERS,
     LINK_PARAMETERS,
     LINKS,
-    TURNOVER,
+    TURNOVER_PARAMETERS,
     Parameter,
     Structure,
     Values,
@@ -57,7 +57,7 @@ class Model(Structure):
     @cached_property
     def of_axis(self) -> tuple[Parameter, ...]:
         """Parameters of each axis, the held ones too."""
-        turnover = (TURNOVER,) if self.friction == "whole_move" else ()
+        turnover = TURNOVER_PARAMETERS if self.friction == "whole_move" else ()
         return (
             AXIS_PARAMETERS + turnover + tuple(p for link in LINKS[self.lumps] for p in LINK_PARAMETERS[link])
         )
@@ -100,7 +100,7 @@ class Model(Structure):
     @property
     def first_free_gap(self) -> int:
         """Gaps of the declared model: one per axis, and those for the corners of its friction."""
-        return len(self.axes) * (1 + len(CORNERS) if self.friction == "whole_move" else 1)
+        return len(self.axes) * (1 + len(SHARES) if self.friction == "whole_move" else 1)
 
 
 def assemble(model: Model, case: Case, cases: Cases) -> LinearSystem:
@@ -126,7 +126,7 @@ def assemble(model: Model, case: Case, cases: Cases) -> LinearSystem:
     for effect, own, room in cases:
         effect.assemble(system, own, room)
     for axis, guide in enumerate(system.guides):
-        add_friction(system, guide, X + len(CORNERS) * axis, curved)
+        add_friction(system, guide, X + len(SHARES) * axis, curved)
     return system
 
 
@@ -137,7 +137,8 @@ def guide_of(system: LinearSystem, model: Model, values: Values, axis: int) -> G
     slip, onto = np.zeros(n + U), np.zeros((S, n))
     slip[speed], onto[:, speed] = 1.0, 1.0
     level = values[f"{name}.coulomb"]
-    turnover = values[f"{name}.turnover_speed"] if model.friction == "whole_move" else None
+    whole = model.friction == "whole_move"
+    turnover = (values[f"{name}.turnover_speed"], values[f"{name}.turnover_spread"]) if whole else None
     return Guide(
         slip,
         onto,

@@ -106,9 +106,13 @@ BRIDGE_PARAMETERS = (
 pulls on neither carriage, with both pinions in the middle of their gaps."""
 
 
-TURNOVER = Parameter("turnover_speed", "m/s", 5e-4, 0.7)
-"""Of each axis where the whole move is simulated: the speed up to which the guide's friction is still building up.
-Chosen: where rolling guides and wipers creep before they slide, 0.1 to 3 mm/s."""
+TURNOVER_PARAMETERS = (
+    Parameter("turnover_speed", "m/s", 5e-4, 0.7),
+    Parameter("turnover_spread", "1", 2.2, 0.1, low=1.0, high=8.0),
+)
+"""Of each axis where the whole move is simulated: the speed around which the guide's friction builds up, and how
+gradually, see driven_friction. Chosen: where rolling guides and wipers creep before they slide, 0.1 to 3 mm/s, and
+between the laws that stand for it."""
 
 
 @dataclass(frozen=True)

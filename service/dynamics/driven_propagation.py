@@ -62,7 +62,8 @@ class Guide:
     onto : (S, n) what a unit of force on the carriage adds to the states' rates
     forward, backward : (S,) Coulomb level in positive and in negative travel [m/s²]
     viscous : (S,) [1/s]
-    turnover : (S,) speed within which the Coulomb force turns over [m/s]; None: the axis is always moving
+    turnover : speed around which the Coulomb force turns over [m/s], and how many times faster each of its corners is
+        than the one before, (S,) each; None: the axis is always moving
     table : (S, P) further friction [m/s²], against positive travel, at driven_friction.speeds()
     """
 
@@ -71,7 +72,7 @@ class Guide:
     forward: FloatArray
     backward: FloatArray
     viscous: FloatArray
-    turnover: FloatArray | None
+    turnover: tuple[FloatArray, FloatArray] | None
     table: FloatArray
 
 

@@ -47,7 +47,9 @@ MORE, GAIN = 3, 0.005
 """How often a fit is continued, and the share of its RMS that it must gain to be continued again."""
 ENDED, HOPELESS = 1.05, 4.0
 """RMS up to which a fit need not be begun elsewhere, and from which on more rounds do not help."""
-PUT_BACK = ("turnover_speed", "coulomb", "viscous", "damping_ratio", "smear")
+SECOND = 0.9
+"""How much nearer to the moves a place must be for a fit to begin there once more."""
+PUT_BACK = ("turnover_speed", "turnover_spread", "coulomb", "viscous", "damping_ratio", "smear")
 """Parameters that a wrong model drives into a corner from which a fit comes back slowly."""
 
 
@@ -175,6 +177,19 @@ def refitted(scene: Scene, found: Fitted, at_places: Sequence[Fitted], candidate
     return min(fits, key=lambda f: f.rms)
 
 
+def seconded(found: Fitted, best: Fitted, first: Fitted, candidate: Candidate) -> Fitted:
+    """The candidate, fitted `first`, begun once more with the machine that the best of all candidates found: while an
+    axis moves, effects are alike that are not at its turning points, and the best has left the declared model's
+    corner."""
+    few, held = fewer(found), np.zeros(0, dtype=np.int64)
+    ground = fit(few, found.model, point_at(found.model, values_at(best), few), BRIEF, free=held)
+    brief = fit(few, candidate.model, placed(ground, candidate).at, BRIEF)
+    if brief.rms > SECOND * first.rms:
+        return first
+    at = begun_at(first.moves, candidate.model, values_at(brief), alike(first.moves, brief))
+    return min(first, fit(first.moves, candidate.model, at, FIRST_ROUNDS), key=lambda f: f.rms)
+
+
 def softer_contact(values: Values, model: Model) -> Values | None:
     """The values with shaft and contact exchanged where the contact is the stiffer one: beside a light pinion a linear
     model cannot tell them apart, and what bends or parts is the contact."""
@@ -207,11 +222,15 @@ def unanswering(moves: Sequence[Moves]) -> tuple[Moves, ...]:
 
 
 def settled(found: Fitted, rounds: int) -> Fitted:
-    """The fit continued with the motors' motion reconstructed from it; the better of two starts."""
+    """The fit continued with the motors' motion reconstructed from it. One that is not near begins once more with the
+    numbers put back that a wrong model drives into a corner."""
     moves = reconstructed(found)
+    on = fit(moves, found.model, found.at, rounds)
+    if on.rms < ENDED:
+        return on
     put_back = {name: v for name, v in values_at(found).items() if not name.endswith(PUT_BACK)}
-    starts = (rests_found(moves, found.model, found.at), point_at(found.model, put_back, moves))
-    return min((fit(moves, found.model, at, rounds) for at in starts), key=lambda f: f.rms)
+    again = fit(moves, found.model, begun_at(moves, found.model, put_back, found.at.local), rounds)
+    return min(on, again, key=lambda f: f.rms)
 
 
 def propose(
@@ -228,6 +247,10 @@ def propose(
     for candidate in candidates(base.model, library, taken):
         found[candidate.name] = refitted(scene, base, at_places, candidate)
         tell(f"tried {candidate.name}: {found[candidate.name].rms:.3f} (now {base.rms:.3f})")
+    best = min(found.values(), key=lambda f: f.rms)
+    for candidate in candidates(base.model, library, taken) if best.rms < SECOND * base.rms else ():
+        if best.rms < SECOND * found[candidate.name].rms:
+            found[candidate.name] = seconded(base, best, found[candidate.name], candidate)
     for name in sorted(found, key=lambda n: found[n].rms)[:PROMISING]:
         found[name] = fit(found[name].moves, found[name].model, found[name].at, ROUNDS)
     finalists = sorted(found, key=lambda n: found[n].rms)[:FINALISTS]

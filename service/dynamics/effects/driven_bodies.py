@@ -73,11 +73,17 @@ class DrivenMachineBody(DrivenEffect):
 
     `body_ratio` is M of the first axis over the body's mass, frequency and damping those of the body alone. The
     accelerometer feels the carriage's motion against the ground. Both axes of a gantry stand on one body.
+    `body_drive_ratio` is what of the drive's inertia the body feels beside the rack's force, over its own: the torque's
+    reaction on a body that rocks. While the flanks are in contact it cannot be told from the rack's force; while they
+    are apart, it moves the rack by micrometres.
     """
 
     name: ClassVar[str] = "machine_body_mode"
     means: ClassVar[str] = "the machine's body swings on its feet and the axis excites it"
-    shared: ClassVar[tuple[Parameter, ...]] = swing("body", 3.0)
+    shared: ClassVar[tuple[Parameter, ...]] = (
+        *swing("body", 3.0),
+        Parameter("body_drive_ratio", "1", 0.0, 0.03, logarithmic=False),
+    )
     shared_nuisance: ClassVar[tuple[Parameter, ...]] = at_rest("body")
     shapes: ClassVar[tuple[Mapping[str, float], ...]] = tuple(
         {"body_frequency": float(f)} for f in np.geomspace(6.0, 60.0, 9)
@@ -94,6 +100,7 @@ class DrivenMachineBody(DrivenEffect):
         system.A[:, body + 1, body + 1] -= 2.0 * case.values["body_damping"] * omega
         for _, _, x in self.each(case.model):
             ratio = case.values["body_ratio"] * (case.values.get("mass_ratio", 1.0) if x else 1.0)
+            system.B[:, body + 1, system.motor(x, 2)] -= case.values["body_drive_ratio"]
             system.guides[x].slip[body + 1] -= 1.0
             system.guides[x].onto[:, body + 1] -= ratio
             for side, sign in ((0, -1.0), (1, 1.0)):

@@ -69,13 +69,15 @@ class DrivenAsymmetricFriction(DrivenEffect):
 
 @dataclass(frozen=True)
 class DrivenStribeckFriction(DrivenEffect):
-    """A guide that holds harder at low speed; the excess falls off as exp(−(v/v_s)²)."""
+    """A guide that holds harder at low speed; the excess falls off as exp(−(v/v_s)^δ), δ being 0.5 to 2 in guides
+    (Armstrong-Hélouvry, Dupont and Canudas de Wit, Automatica 30, 1994)."""
 
     name: ClassVar[str] = "stribeck_friction"
     means: ClassVar[str] = "friction is higher at low speed: lubrication is poor"
     own: ClassVar[tuple[Parameter, ...]] = (
         Parameter("breakaway", "m/s²", 0.0, 0.5, logarithmic=False, low=0.0, dose=0.05),
         Parameter("stribeck_speed", "m/s", 0.012, 0.7, low=2e-3, high=0.2),
+        Parameter("stribeck_exponent", "1", 2.0, 0.35, low=0.5, high=4.0),
     )
     shapes: ClassVar[tuple[Mapping[str, float], ...]] = (
         {"stribeck_speed": 0.006},
@@ -88,7 +90,8 @@ class DrivenStribeckFriction(DrivenEffect):
         v = speeds()
         for _, axis, x in self.each(case.model):
             guide, excess = system.guides[x], case.values[f"{axis}.breakaway"]
-            left = np.exp(-((v / case.values[f"{axis}.stribeck_speed"][:, None]) ** 2))
+            speed, exponent = (case.values[f"{axis}.stribeck_{p}"][:, None] for p in ("speed", "exponent"))
+            left = np.exp(-(np.abs(v / speed) ** exponent))
             guide.forward = guide.forward + excess
             guide.backward = guide.backward + excess
             guide.table += excess[:, None] * (left - 1.0) * np.sign(v)

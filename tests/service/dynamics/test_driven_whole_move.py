@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -25,6 +27,7 @@ def values(**changes: float) -> dict[str, FloatArray]:
         "coulomb": 0.4,
         "viscous": 0.8,
         "turnover_speed": 4e-4,
+        "turnover_spread": 2.5,
     }
     return {f"X1.{name}": np.array([value]) for name, value in (base | changes).items()}
 
@@ -45,16 +48,25 @@ def driven(v: dict[str, FloatArray]) -> FloatArray:
     return np.asarray(simulate(MODEL, v, c[None, None, :, None], np.ones(1), load(), H).acceleration[0, 0, 0])
 
 
-def knee(x: FloatArray | float) -> FloatArray:
+def knee(x: FloatArray | float, spread: float) -> FloatArray:
     """The declared friction's turning over, its three corners written down once more."""
-    return np.asarray(
-        0.30 * np.clip(x / 0.62, -1, 1) + 0.45 * np.clip(x / 1.30, -1, 1) + 0.25 * np.clip(x / 2.40, -1, 1)
-    )
+    before, after = np.clip(x * spread, -1, 1), np.clip(x / spread, -1, 1)
+    return np.asarray(0.30 * before + 0.45 * np.clip(x, -1, 1) + 0.25 * after)
 
 
-def test_friction_turns_over_like_the_smooth_law_that_stands_for_sliding() -> None:
-    x = np.linspace(-8.0, 8.0, 3201)
-    assert np.abs(knee(x) - np.tanh(x)).max() < 0.03
+@pytest.mark.parametrize(
+    ("law", "scale", "spread", "share"),
+    [
+        (np.tanh, 1.26, 2.0, 0.04),
+        (lambda x: x / np.sqrt(1.0 + x**2), 1.41, 2.6, 0.04),
+        (lambda x: 2.0 / np.pi * np.arctan(0.5 * np.pi * x), 1.74, 3.9, 0.065),
+    ],
+)
+def test_friction_turns_over_like_the_laws_that_stand_for_it(
+    law: Callable[[FloatArray], FloatArray], scale: float, spread: float, share: float
+) -> None:
+    x = np.linspace(-30.0, 30.0, 12001)
+    assert np.abs(knee(x / scale, spread) - law(x)).max() < share
 
 
 def integrated(v: dict[str, FloatArray]) -> FloatArray:
@@ -69,7 +81,7 @@ def integrated(v: dict[str, FloatArray]) -> FloatArray:
         beyond = delta - np.clip(delta, -half, half)
         force = k * beyond + d * rate * (beyond != 0.0)
         force = force if force * beyond > 0.0 else 0.0
-        held = p["coulomb"] * knee(x[1] / p["turnover_speed"])
+        held = p["coulomb"] * knee(x[1] / p["turnover_speed"], p["turnover_spread"])
         return [x[1], force - float(held) - p["viscous"] * x[1]]
 
     grid = -0.005 + H * np.arange(K + 1)

@@ -22,6 +22,7 @@ CHAIN = {
     "coulomb": 0.4,
     "viscous": 0.8,
     "turnover_speed": 4e-4,
+    "turnover_spread": 2.5,
     "drive_stiffness": 9e5,
     "drive_damping_ratio": 0.05,
     "drive_mass": 0.1,
@@ -77,7 +78,7 @@ class Plain:
         up = self.v["coulomb"] + self.get("coulomb_asymmetry") + self.get("breakaway")
         down = self.v["coulomb"] - self.get("coulomb_asymmetry") + self.get("breakaway")
         x, mean = slip / self.v["turnover_speed"], 0.5 * (up + down)
-        knee = ((0.30, 0.62), (0.45, 1.30), (0.25, 2.40))
+        knee = ((0.30, 1 / self.v["turnover_spread"]), (0.45, 1.0), (0.25, self.v["turnover_spread"]))
         held = sum(share * float(np.clip(mean * x / at, -down, up)) for share, at in knee)
         more = self.v["viscous"] * slip + self.get("viscous_asymmetry") * abs(slip)
         fade = np.exp(-((slip / self.e.get("stribeck_speed", 1.0)) ** 2)) - 1.0
