@@ -26,7 +26,6 @@ from service.identification.moves_fit import (
     costs_of_moves,
     fit,
     reconstructed,
-    rests_found,
     values_at,
     width,
 )

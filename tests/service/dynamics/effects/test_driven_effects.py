@@ -39,14 +39,19 @@ PLANTED = {
     "constant_force": {"X1.constant_force": 0.3},
     "position_dependent_force": {"X1.spring_rate": 150.0, "X1.spring_preload": 0.1},
     "asymmetric_friction": {"X1.coulomb_asymmetry": 0.2, "X1.viscous_asymmetry": 2.0},
-    "stribeck_friction": {"X1.breakaway": 0.5, "X1.stribeck_speed": 0.01},
+    "stribeck_friction": {"X1.breakaway": 0.5, "X1.stribeck_speed": 0.01, "X1.stribeck_exponent": 1.3},
     "curved_friction": {"X1.curved_level": 0.5, "X1.curved_power": 2.0},
     "gearbox_clearance": {"X1.clearance": 3e-5},
     "position_dependent_backlash": {"X1.gap_slope": 0.008},
     "contact_nonlinearity": {"X1.bend": 0.4},
     "transmission_ripple": {"X1.ripple_amplitude": 4e-6, "X1.ripple_phase": 1.0, "X1.ripple_period": 3e-3},
     "hung_mass_mode": {"X1.hung_ratio": 0.2, "X1.hung_frequency": 30.0, "X1.hung_damping": 0.03},
-    "machine_body_mode": {"body_ratio": 0.2, "body_frequency": 15.0, "body_damping": 0.03},
+    "machine_body_mode": {
+        "body_ratio": 0.2,
+        "body_frequency": 15.0,
+        "body_damping": 0.03,
+        "body_drive_ratio": 0.05,
+    },
 }
 
 
@@ -81,7 +86,10 @@ class Plain:
         knee = ((0.30, 1 / self.v["turnover_spread"]), (0.45, 1.0), (0.25, self.v["turnover_spread"]))
         held = sum(share * float(np.clip(mean * x / at, -down, up)) for share, at in knee)
         more = self.v["viscous"] * slip + self.get("viscous_asymmetry") * abs(slip)
-        fade = np.exp(-((slip / self.e.get("stribeck_speed", 1.0)) ** 2)) - 1.0
+        fade = (
+            np.exp(-(abs(slip / self.e.get("stribeck_speed", 1.0)) ** self.e.get("stribeck_exponent", 2.0)))
+            - 1.0
+        )
         more += self.get("breakaway") * float(fade) * float(np.sign(slip))
         grown = (abs(slip) / 0.1) ** self.e.get("curved_power", 1.0)
         return held + more + self.get("curved_level") * float(np.sign(slip)) * grown
@@ -111,7 +119,8 @@ class Plain:
         w, wb = 2 * np.pi * self.get("hung_frequency"), 2 * np.pi * self.get("body_frequency")
         pull = w**2 * (xh - x) + 2 * self.get("hung_damping") * w * (vh - v)
         a += self.get("hung_ratio") * pull
-        body = self.get("body_ratio") * (rub - contact) - wb**2 * xb - 2 * self.get("body_damping") * wb * vb
+        body = -self.get("body_drive_ratio") * float(self.course(t, 2))
+        body += self.get("body_ratio") * (rub - contact) - wb**2 * xb - 2 * self.get("body_damping") * wb * vb
         return [vp, (drive - contact) / self.v["drive_mass"], v, a, vh, -pull, vb, body]
 
     def acceleration(self, rest: tuple[float, float]) -> FloatArray:
