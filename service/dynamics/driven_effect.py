@@ -102,6 +102,11 @@ class DrivenEffect:
         """Values of a whole model at a start, with what the effect takes over from the declared model taken off."""
         return values
 
+    def instead(self, values: Mapping[str, float]) -> Mapping[str, float]:
+        """Its own parameters such that it does what effects with these values do; none where it is like none of
+        them."""
+        return {}
+
     @property
     def states(self) -> int:
         return 0

@@ -138,8 +138,9 @@ def begun(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:
     kept = {p.name for p in candidate.model.parameters}
     out = [*shapes]
     for place in (scene.rich, scene.smooth):
-        base = {**present, **{k: v for k, v in place.items() if k in kept}}
-        out.append({**base, **{k: v for k, v in shapes[0].items() if k in own and k not in place}})
+        free = {k: v for k, v in place.items() if k in own or k not in kept}
+        base = {k: v for k, v in place.items() if k in kept} | candidate.effect.instead(free)
+        out.append({**present, **{k: v for k, v in shapes[0].items() if k in own}, **base})
     out.append({k: v for k, v in shapes[0].items() if not k.endswith(PUT_BACK)})
     at_rich = {k: v for k, v in scene.rich.items() if k in kept and not k.endswith(PUT_BACK)}
     out.append(at_rich | {k: v for k, v in shapes[0].items() if k in own})

@@ -14,6 +14,14 @@ from service.dynamics.driven_parameters import Parameter, Values
 from service.dynamics.driven_propagation import LinearSystem
 
 
+def one_way(values: Mapping[str, float], axis: str) -> float | None:
+    """The force per moved mass [m/s²] that acts one way while an axis moves, of all effects that make one; none where
+    there is none of them. Viscous friction counts at 0.1 m/s, the top speed of a diagnostic step."""
+    shares = {"constant_force": 1.0, "spring_preload": 1.0, "coulomb_asymmetry": -1.0, "viscous_asymmetry": -0.1}
+    found = [share * values[f"{axis}.{name}"] for name, share in shares.items() if f"{axis}.{name}" in values]
+    return sum(found) if found else None
+
+
 @dataclass(frozen=True)
 class DrivenConstantForce(DrivenEffect):
     """Gravity on a tilted axis, a counterweight: the declared model's constant, which is held at zero, released."""
@@ -23,6 +31,10 @@ class DrivenConstantForce(DrivenEffect):
     own: ClassVar[tuple[Parameter, ...]] = (
         Parameter("constant_force", "m/s²", 0.0, 0.5, logarithmic=False, dose=0.05),
     )
+
+    def instead(self, values: Mapping[str, float]) -> Mapping[str, float]:
+        force = {axis: one_way(values, axis) for axis in self.axes}
+        return {f"{axis}.constant_force": f for axis, f in force.items() if f is not None}
 
     def restate(self, values: Values) -> Values:
         return {**values, **{f"{a}.constant": values[f"{a}.constant_force"] for a in self.axes}}
@@ -39,6 +51,10 @@ class DrivenPositionForce(DrivenEffect):
         Parameter("spring_preload", "m/s²", 0.0, 0.5, logarithmic=False, dose=0.05),
     )
     contains: ClassVar[tuple[str, ...]] = ("constant_force",)
+
+    def instead(self, values: Mapping[str, float]) -> Mapping[str, float]:
+        force = {axis: one_way(values, axis) for axis in self.axes}
+        return {f"{axis}.spring_preload": f for axis, f in force.items() if f is not None}
 
     def assemble(self, system: LinearSystem, case: Case, room: Room) -> None:
         for _, axis, x in self.each(case.model):
@@ -58,6 +74,12 @@ class DrivenAsymmetricFriction(DrivenEffect):
         Parameter("viscous_asymmetry", "1/s", 0.0, 2.0, logarithmic=False, dose=0.5),
     )
     bends_friction: ClassVar[bool] = True
+
+    def instead(self, values: Mapping[str, float]) -> Mapping[str, float]:
+        """All of it at the Coulomb level: what a speed does is found from there."""
+        force = {axis: one_way(values, axis) for axis in self.axes}
+        coulomb = {f"{axis}.coulomb_asymmetry": -f for axis, f in force.items() if f is not None}
+        return coulomb | {name.replace("coulomb", "viscous"): 0.0 for name in coulomb}
 
     def assemble(self, system: LinearSystem, case: Case, room: Room) -> None:
         for _, axis, x in self.each(case.model):
