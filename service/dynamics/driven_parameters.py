@@ -108,7 +108,7 @@ pulls on neither carriage, with both pinions in the middle of their gaps."""
 
 TURNOVER_PARAMETERS = (
     Parameter("turnover_speed", "m/s", 5e-4, 0.7),
-    Parameter("turnover_spread", "1", 2.2, 0.1, low=1.0, high=8.0),
+    Parameter("turnover_spread", "1", 2.1, 0.06, low=1.0, high=8.0),
 )
 """Of each axis where the whole move is simulated: the speed around which the guide's friction builds up, and how
 gradually, see driven_friction. Chosen: where rolling guides and wipers creep before they slide, 0.1 to 3 mm/s, and
