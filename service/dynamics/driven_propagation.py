@@ -146,7 +146,7 @@ def fastest(system: LinearSystem) -> FloatArray:
     return np.asarray(np.sqrt(stiff.sum(axis=2).max(axis=1)) + loss.sum(axis=2).max(axis=1))
 
 
-KNOWN = 32
+KNOWN = 128
 """Contact states whose exponentials are kept; when there are more, they are found again."""
 
 

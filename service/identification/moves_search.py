@@ -46,6 +46,8 @@ MORE, GAIN = 3, 0.005
 """How often a fit is continued, and the share of its RMS that it must gain to be continued again."""
 ENDED, HOPELESS = 1.05, 4.0
 """RMS up to which a fit need not be begun elsewhere, and from which on more rounds do not help."""
+FAR_OFF = 2.0
+"""How much farther from a few moves than the best of all candidates one may be and still be fitted to all moves."""
 SECOND = 0.9
 """How much nearer to the moves a place must be for a fit to begin there once more."""
 PUT_BACK = ("turnover_speed", "turnover_spread", "coulomb", "viscous", "damping_ratio", "smear")
@@ -139,7 +141,7 @@ def begun(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:
     out = [*shapes]
     for place in (scene.rich, scene.smooth):
         free = {k: v for k, v in place.items() if k in own or k not in kept}
-        base = {k: v for k, v in place.items() if k in kept} | candidate.effect.instead(free)
+        base = {k: v for k, v in place.items() if k in kept} | dict(candidate.effect.instead(free))
         out.append({**present, **{k: v for k, v in shapes[0].items() if k in own}, **base})
     out.append({k: v for k, v in shapes[0].items() if not k.endswith(PUT_BACK)})
     at_rich = {k: v for k, v in scene.rich.items() if k in kept and not k.endswith(PUT_BACK)}
@@ -155,26 +157,45 @@ def placed(place: Fitted, candidate: Candidate) -> Fitted:
     return fit(place.moves, candidate.model, at, BRIEF, free=own)
 
 
-def refitted(scene: Scene, found: Fitted, at_places: Sequence[Fitted], candidate: Candidate) -> Fitted:
-    """The candidate fitted from the best of its starts."""
-    moves, few = unanswering(found.moves), fewer(found)
+@dataclass(frozen=True)
+class Brief:
+    """What a fit of a few moves found: its RMS, its values, and how all moves begin by it."""
+
+    model: Model
+    rms: float
+    values: Values
+    local: tuple[FloatArray, ...]
+
+
+def noted(found: Fitted, moves: Sequence[Moves]) -> Brief:
+    return Brief(found.model, found.rms, values_at(found), alike(moves, found))
+
+
+def compared(scene: Scene, found: Fitted, at_places: Sequence[Fitted], candidate: Candidate) -> list[Brief]:
+    """The candidate's best two fits of a few moves, of one from each of its starts; the best first."""
+    few = fewer(found)
     starts = [point_at(candidate.model, values, few) for values in begun(scene, found, candidate)]
     starts += [placed(place, candidate).at for place in at_places]
     brief = [fit(few, candidate.model, at, BRIEF) for at in starts]
     other = softer_contact(values_at(min(brief, key=lambda f: f.rms)), candidate.model)
     if other:
         brief.append(fit(few, candidate.model, point_at(candidate.model, other, few), BRIEF))
-    best = sorted(brief, key=lambda f: f.rms)[:2]
-    fits = [
-        fit(
-            moves,
-            candidate.model,
-            begun_at(moves, candidate.model, values_at(one), alike(moves, one)),
-            FIRST_ROUNDS,
-        )
-        for one in (best if best[0].rms > 0.9 * best[-1].rms else best[:1])
-    ]
-    return min(fits, key=lambda f: f.rms)
+    return [noted(one, found.moves) for one in sorted(brief, key=lambda f: f.rms)[:2]]
+
+
+def carried(moves: Sequence[Moves], brief: Brief, rounds: int) -> Fitted:
+    """What was fitted to a few moves, fitted to all."""
+    return fit(moves, brief.model, begun_at(moves, brief.model, brief.values, brief.local), rounds)
+
+
+def refitted(found: Fitted, brief: Sequence[Brief], least: float) -> Fitted:
+    """The candidate on all moves, from the best of its fits of a few; `least` is the RMS of the best of all
+    candidates there. One that is far from it only takes the moves' zeros along."""
+    moves = unanswering(found.moves)
+    if brief[0].rms > FAR_OFF * least:
+        return carried(moves, brief[0], 1)
+    best = brief[:2] if brief[0].rms > 0.9 * brief[1].rms else brief[:1]
+    return min((carried(moves, one, FIRST_ROUNDS) for one in best), key=lambda f: f.rms)
 
 
 def seconded(found: Fitted, best: Fitted, first: Fitted, candidate: Candidate) -> Fitted:
@@ -186,8 +207,8 @@ def seconded(found: Fitted, best: Fitted, first: Fitted, candidate: Candidate) -
     brief = fit(few, candidate.model, placed(ground, candidate).at, BRIEF)
     if brief.rms > SECOND * first.rms:
         return first
-    at = begun_at(first.moves, candidate.model, values_at(brief), alike(first.moves, brief))
-    return min(first, fit(first.moves, candidate.model, at, FIRST_ROUNDS), key=lambda f: f.rms)
+    again = carried(first.moves, noted(brief, first.moves), FIRST_ROUNDS)
+    return min(first, again, key=lambda f: f.rms)
 
 
 def softer_contact(values: Values, model: Model) -> Values | None:
@@ -244,9 +265,14 @@ def propose(
     base = present.model.fitted
     found: dict[str, Fitted] = {}
     at_places = grounds(scene, base)
-    for candidate in candidates(base.model, library, taken):
-        found[candidate.name] = refitted(scene, base, at_places, candidate)
-        tell(f"tried {candidate.name}: {found[candidate.name].rms:.3f} (now {base.rms:.3f})")
+    brief = {
+        candidate.name: compared(scene, base, at_places, candidate)
+        for candidate in candidates(base.model, library, taken)
+    }
+    least = min(fits[0].rms for fits in brief.values())
+    for name, fits in brief.items():
+        found[name] = refitted(base, fits, least)
+        tell(f"tried {name}: {found[name].rms:.3f} (now {base.rms:.3f})")
     best = min(found.values(), key=lambda f: f.rms)
     for candidate in candidates(base.model, library, taken) if best.rms < SECOND * base.rms else ():
         if best.rms < SECOND * found[candidate.name].rms:

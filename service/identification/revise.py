@@ -10,7 +10,7 @@ import numpy as np
 from service.dynamics.effects.driven_library import DRIVEN
 from service.identification.axis_verdict import LEFT, backlash_of
 from service.identification.explanation import CannotExplain
-from service.identification.moves_search import Candidate, grounds, refitted, settled
+from service.identification.moves_search import Candidate, compared, grounds, refitted, settled
 from service.identification.scene import declared_fit, scene_of
 from service.recording import Recording
 
@@ -55,7 +55,8 @@ def revised_values(
         for name in effects:
             effect = DRIVEN[name](found.model.axes)
             model = replace(found.model, effects=(*found.model.effects, effect))
-            found = refitted(scene, found, grounds(scene, found), Candidate(effect, model))
+            brief = compared(scene, found, grounds(scene, found), Candidate(effect, model))
+            found = refitted(found, brief, brief[0].rms)
         found = settled(found, ROUNDS)
     values = {}
     for x, axis in enumerate(axes):

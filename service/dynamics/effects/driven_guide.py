@@ -17,7 +17,12 @@ from service.dynamics.driven_propagation import LinearSystem
 def one_way(values: Mapping[str, float], axis: str) -> float | None:
     """The force per moved mass [m/s²] that acts one way while an axis moves, of all effects that make one; none where
     there is none of them. Viscous friction counts at 0.1 m/s, the top speed of a diagnostic step."""
-    shares = {"constant_force": 1.0, "spring_preload": 1.0, "coulomb_asymmetry": -1.0, "viscous_asymmetry": -0.1}
+    shares = {
+        "constant_force": 1.0,
+        "spring_preload": 1.0,
+        "coulomb_asymmetry": -1.0,
+        "viscous_asymmetry": -0.1,
+    }
     found = [share * values[f"{axis}.{name}"] for name, share in shares.items() if f"{axis}.{name}" in values]
     return sum(found) if found else None
 
