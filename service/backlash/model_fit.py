@@ -27,30 +27,22 @@ from service.backlash.model_fit_interval import (
 )
 from service.backlash.model_fit_mesh_size import by_evidence
 from service.backlash.model_fit_profile import widened
+from service.backlash.model_fit_single import single_fit
 from service.backlash.model_fit_stages import (
     Effort,
     Outcome,
     Staged,
     backlashes,
-    searched_again,
-    staged_fit,
 )
-from service.backlash.model_fit_start import Guess, closed_form
+from service.backlash.model_fit_start import closed_form
 from service.backlash.results import AxisResult, Reason, Refusal, StepResult
-from service.dynamics.driven_model import Model
 from service.recording import FloatArray, Recording
 
 METHOD = "model_fit"
 
 MIN_STEPS = 4
 
-SINGLE = Effort(tried=8, starts=2, following=(5, 4))
-AGAIN = Effort(
-    candidates=320, starts=2, refine=(3, 4, 5), following=(5, 4), settling=2, seed=2, sharings=False
-)
-"""The further search of a single axis. Few rounds between reconstructions: where the contact swings near half the
-rate of the speed samples, a machine that is fitted to the end on one reconstruction takes the input's error into
-its parameters, and its reconstruction is worse for it."""
+SINGLE = Effort(tried=8, starts=2)
 
 GANTRY = Effort(
     candidates=1500,
@@ -81,9 +73,6 @@ FAR_OUT = 3.5
 TOO_WIDE = 0.2
 """Half width over the value beyond which there is none: what the paper's section V reached on a machine."""
 
-POOR = 3.0
-"""Misfit of a single axis from which on a local minimum is suspected and the search is done once more."""
-
 
 def refused(axis: str, reason: Reason, detail: str, steps: tuple[StepResult, ...] = ()) -> AxisResult:
     """An axis without a value, and why."""
@@ -103,19 +92,11 @@ def model_fit_axes(recording: Recording, axis: str) -> dict[str, AxisResult]:
     if lacking is not None:
         return {axis: lacking}
     measured = measure(recording, axes, range(len(recording.moves)))
-    # The closed form mistakes a partner's pull for the gap.
-    guesses = {name: closed_form(recording, name) for name in axes} if len(axes) == 1 else {}
-    staged = best_of_attempts(measured, axes, guesses)
+    if len(axes) == 1:  # of a gantry, the closed form would mistake the partner's pull for the gap
+        staged = single_fit(measured, {axis: closed_form(recording, axis)}, SINGLE)
+    else:
+        staged = gantry_fit(measured, GANTRY)
     return {name: judged(recording, measured, staged, x) for x, name in enumerate(axes)}
-
-
-def best_of_attempts(measured: Measured, axes: tuple[str, ...], guesses: dict[str, Guess]) -> Staged:
-    """A staged fit, and another from other random machines where it found no good minimum."""
-    if len(axes) == 1:
-        found = staged_fit(measured, Model(axes, 2), guesses, SINGLE)
-        poor = found.best.fit.misfit > POOR
-        return searched_again(measured, found, Model(axes, 2), guesses, AGAIN) if poor else found
-    return gantry_fit(measured, GANTRY)
 
 
 def unfit_for_use(recording: Recording, axis: str, axes: tuple[str, ...]) -> AxisResult | None:

@@ -13,7 +13,6 @@ import numpy as np
 
 from service.backlash.model_fit_data import Measured, problem_of, with_reconstructed_motion
 from service.backlash.model_fit_impurities import impurities
-from service.backlash.model_fit_motion import with_following_motors
 from service.backlash.model_fit_problem import Fit, Point, Problem, fit
 from service.backlash.model_fit_start import SEARCH_STEPS, Guess, best_starts, candidates
 from service.dynamics.driven_model import LINKS, Model
@@ -55,8 +54,8 @@ NEARER = 0.75
 SETTLES = 0.8
 """Share of the misfit that a cycle of settling has to leave at most for another to follow."""
 
-FOLLOWED_BETTER = 1.5
-"""Misfit over all steps from which on the motor's motion is suspected: as much again as half the noise."""
+SETTLED = 8
+"""Cycles of settling over all steps, each of which has to gain."""
 
 GOOD = 1.15
 """Misfit at which no further start is tried: only noise is left."""
@@ -255,18 +254,6 @@ def staged_fit(measured: Measured, model: Model, guesses: dict[str, Guess], effo
     return refined(measured, problem, starts, effort)
 
 
-def searched_again(
-    measured: Measured, staged: Staged, model: Model, guesses: dict[str, Guess], effort: Effort
-) -> Staged:
-    """The better of a staged fit and another from other random machines, if these come nearer on the few steps: if not,
-    what is left is not the search's fault."""
-    problem = problem_of(measured, model, local_spread(model))
-    starts = from_starts(measured, problem, guesses, effort)
-    if starts[0].fit.cost > NEARER * staged.starts[0].fit.cost:
-        return staged
-    return min(staged, refined(measured, problem, starts, effort), key=lambda found: found.best.fit.cost)
-
-
 def refined(measured: Measured, problem: Problem, starts: list[Outcome], effort: Effort) -> Staged:
     """The fit of all steps from the best of the starts; a single axis' impurities are freed with it."""
     begin = starts[0]
@@ -279,15 +266,9 @@ def refined(measured: Measured, problem: Problem, starts: list[Outcome], effort:
 
 
 def over_all_steps(measured: Measured, problem: Problem, begin: Point, effort: Effort) -> list[Outcome]:
-    """Passes over all steps, after the initial states and the motor's motion have settled; where they leave more than
-    noise, further ones in which the motor follows all that its samples, its torque and the force say together."""
-    problem, begin = settled(measured, problem, begin, 2, following_force)
-    ends = passes(measured, problem, begin, effort.refine, following_force)
-    best = min(ends, key=lambda o: o.fit.cost)
-    if not FOLLOWED_BETTER < best.fit.misfit < HOPELESS:
-        return ends
-    motors = with_following_motors(measured, replace(best.problem, echoes=()), best.fit)
-    return ends + passes(measured, motors, best.fit.point, effort.following, with_following_motors)
+    """Passes over all steps, after the initial states and the motor's motion have settled."""
+    problem, begin = settled(measured, problem, begin, SETTLED, following_force)
+    return passes(measured, problem, begin, effort.refine, following_force)
 
 
 def best_shared_out(few: Problem, begin: Point, effort: Effort) -> Outcome:

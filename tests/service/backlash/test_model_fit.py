@@ -5,12 +5,10 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from service.backlash import model_fit as fitting
 from service.backlash.model_fit import model_fit, model_fit_axes
 from service.backlash.results import Reason
 from service.captures import read_capture
@@ -79,21 +77,3 @@ def test_a_gantry_that_was_not_declared_gives_no_wrong_value(shared_dir: Path, n
         assert result.reason in (Reason.MISFIT, Reason.STEPS_DISAGREE, Reason.INTERVAL_TOO_WIDE)
     else:
         assert result.interval_95[0] <= truth <= result.interval_95[1]
-
-
-@pytest.mark.parametrize(("misfit", "searches"), [(1.1, 1), (4.0, 2), (40.0, 2)])
-def test_a_poor_minimum_is_searched_once_more(
-    monkeypatch: pytest.MonkeyPatch, misfit: float, searches: int
-) -> None:
-    seeds = []
-
-    def found(*arguments: object) -> SimpleNamespace:
-        effort = arguments[-1]
-        assert isinstance(effort, fitting.Effort)
-        seeds.append(effort.seed)
-        return SimpleNamespace(best=SimpleNamespace(fit=SimpleNamespace(misfit=misfit)))
-
-    monkeypatch.setattr(fitting, "staged_fit", found)
-    monkeypatch.setattr(fitting, "searched_again", found)
-    fitting.best_of_attempts(None, ("X1",), {})  # type: ignore[arg-type]
-    assert len(seeds) == len(set(seeds)) == searches, "every search draws its own machines"
