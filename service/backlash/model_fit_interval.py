@@ -135,18 +135,21 @@ def local_sum(value: FloatArray, width: FloatArray) -> FloatArray:
 
 
 def noise_variance(fit: Linearised, k: int) -> float:
-    """Variance of parameter k by the residuals as they are: what differs from step to step, and what repeats."""
+    """Variance of parameter k by the residuals as they are: what differs from step to step, and what repeats beyond the
+    share that the differing leaves in the mean of the steps."""
     residual, influence, h = fit.residual, fit.influence(k), fit.problem.grids[0].h
     T = len(residual)
     counted = np.maximum(np.sum(np.isfinite(residual), axis=0), 1)
     seen = np.any(np.isfinite(residual), axis=0)
     mean = np.where(seen, np.nansum(residual, axis=0) / counted, np.nan)
     single = (residual - mean) * np.sqrt(T / max(1, T - 1))
-    return sum(
-        coloured(single[:, x], influence[:, x], h)
-        + coloured(mean[None, x], np.sum(influence[:, x], axis=0)[None], h)
-        for x in range(residual.shape[1])
-    )
+    total = 0.0
+    for x in range(residual.shape[1]):
+        together = np.sum(influence[:, x], axis=0)
+        left = coloured(single[:, x], np.tile(together / T, (T, 1)), h)
+        repeated = coloured(mean[None, x], together[None], h)
+        total += coloured(single[:, x], influence[:, x], h) + max(0.0, repeated - left)
+    return total
 
 
 def structure_variance(fit: Linearised, k: int, misfit: float) -> float:

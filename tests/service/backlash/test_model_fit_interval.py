@@ -15,6 +15,7 @@ from service.backlash.model_fit_interval import (
     difference,
     disagreement,
     gentler,
+    noise_variance,
     structure_variance,
 )
 from service.recording import FloatArray
@@ -43,6 +44,33 @@ def test_lost_samples_leave_the_variance_alone() -> None:
     residual = rng.standard_normal((T, K))
     residual[rng.random((T, K)) < 0.1] = np.nan
     assert coloured(residual, psi, H) == pytest.approx(float(np.sum(psi**2)), rel=0.25)
+
+
+def left(residual: FloatArray) -> Linearised:
+    """As much of a linearised fit as its residuals (T, K) are judged by."""
+    problem = SimpleNamespace(grids=[SimpleNamespace(h=H)])
+    fit = SimpleNamespace(
+        residual=residual[:, None], problem=problem, influence=lambda k: influences()[:, None]
+    )
+    return cast(Linearised, fit)
+
+
+def test_noise_is_counted_once() -> None:
+    """The mean of the steps holds a share of it, which is not also something that repeats."""
+    rng, psi = np.random.default_rng(7), influences()
+    told = [noise_variance(left(rng.standard_normal((T, K))), 0) for _ in range(100)]
+    assert np.mean(told) == pytest.approx(float(np.sum(psi**2)), rel=0.25)
+
+
+def test_what_repeats_in_every_step_does_not_average_out() -> None:
+    rng, psi = np.random.default_rng(9), influences()
+    told, true = [], []
+    for _ in range(100):
+        residual = rng.standard_normal((T, K)) + rng.standard_normal(K)
+        told.append(noise_variance(left(residual), 0))
+        true.append(float(np.sum(psi * residual)) ** 2)
+    assert np.mean(told) == pytest.approx(float(np.sum(psi**2)) * (1 + T), rel=0.25)
+    assert np.mean(true) == pytest.approx(float(np.sum(psi**2)) * (1 + T), rel=0.5)
 
 
 def linear(influence: FloatArray, samples: int) -> Linearised:
