@@ -10,7 +10,8 @@ import numpy as np
 from service.dynamics.effects.driven_library import DRIVEN
 from service.identification.axis_verdict import LEFT, backlash_of
 from service.identification.explanation import CannotExplain
-from service.identification.moves_search import Candidate, compared, grounds, refitted, settled
+from service.identification.moves_search import refitted, settled
+from service.identification.moves_starts import Candidate, compared, grounds
 from service.identification.scene import declared_fit, scene_of
 from service.recording import Recording
 

@@ -1,4 +1,4 @@
-"""Where candidates are started."""
+"""Where candidates are started, and how a search goes on from there."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from typing import Any, cast
 import numpy as np
 
 from service.dynamics.driven_model import Model
-from service.identification import moves_search
-from service.identification.moves_search import alike, softer_contact
+from service.dynamics.effects.driven_library import DRIVEN
+from service.identification import moves_search, moves_starts
+from service.identification.moves_starts import alike, softer_contact
 
 
 def test_shaft_and_contact_are_exchanged_only_where_the_contact_is_the_stiffer() -> None:
@@ -21,10 +22,59 @@ def test_shaft_and_contact_are_exchanged_only_where_the_contact_is_the_stiffer()
 
 
 def test_every_move_begins_like_the_best_described_one_of_its_direction(monkeypatch: Any) -> None:
-    monkeypatch.setattr(moves_search, "costs_of_moves", lambda *_: np.array([9.0, 2.0, 1.0, 5.0]))
+    monkeypatch.setattr(moves_starts, "costs_of_moves", lambda *_: np.array([9.0, 2.0, 1.0, 5.0]))
     few = SimpleNamespace(s=np.array([-1.0, 1.0, -1.0, 1.0]))
     local = np.array([[0.1], [0.2], [0.3], [0.4]])
     found = SimpleNamespace(moves=(few,), at=SimpleNamespace(local=(local,)))
     every = SimpleNamespace(s=np.array([1.0, -1.0, 1.0]))
     (own,) = alike(cast(Any, (every,)), cast(Any, found))
     assert own[:, 0].tolist() == [0.2, 0.3, 0.2]
+
+
+def test_what_acts_one_way_is_begun_in_the_name_of_each_effect_that_is_alike() -> None:
+    """While an axis moves, −s·(F_C + s·A) = −s·F_C − A: an asymmetry A is a constant force −A."""
+    place = {"X1.constant_force": 0.8, "X1.spring_rate": 3.0, "X1.coulomb": 1.0}
+    begun = {
+        name: dict(DRIVEN[name](("X1",)).instead(place))
+        for name in ("constant_force", "position_dependent_force", "asymmetric_friction", "sensor_gain")
+    }
+    assert begun["constant_force"] == {"X1.constant_force": 0.8}
+    assert begun["position_dependent_force"] == {"X1.spring_preload": 0.8}
+    assert begun["asymmetric_friction"] == {"X1.coulomb_asymmetry": -0.8, "X1.viscous_asymmetry": 0.0}
+    assert begun["sensor_gain"] == {}
+    assert not DRIVEN["constant_force"](("X1",)).instead({"X1.coulomb": 1.0})
+
+
+def stub(rms: float) -> Any:
+    model = SimpleNamespace(parameters=())
+    return cast(Any, SimpleNamespace(rms=rms, moves=("every",), model=model, at=SimpleNamespace(local=())))
+
+
+def test_a_candidate_far_from_a_few_moves_is_not_fitted_to_all(monkeypatch: Any) -> None:
+    rounds: list[int] = []
+    monkeypatch.setattr(moves_search, "unanswering", lambda moves: moves)
+    monkeypatch.setattr(moves_search, "carried", lambda _moves, brief, n: rounds.append(n) or stub(brief.rms))
+    near, far = [stub(1.5), stub(3.0)], [stub(4.0), stub(4.1)]
+    moves_search.refitted(stub(6.0), far, 1.5)
+    assert rounds == [1]
+    moves_search.refitted(stub(6.0), near, 1.5)
+    assert rounds == [1, moves_search.FIRST_ROUNDS]
+
+
+def test_a_fit_goes_on_from_where_it_stands_and_begins_again_only_if_it_is_not_near(monkeypatch: Any) -> None:
+    begun: list[str] = []
+
+    def refit(_moves: Any, _model: Any, at: Any, _rounds: int) -> Any:
+        begun.append("anew" if at == "anew" else "on")
+        return stub(2.0 if at == "anew" else reached)
+
+    monkeypatch.setattr(moves_search, "reconstructed", lambda found: found.moves)
+    monkeypatch.setattr(moves_search, "begun_at", lambda *_: "anew")
+    monkeypatch.setattr(moves_search, "values_at", lambda _found: {})
+    monkeypatch.setattr(moves_search, "fit", refit)
+    reached = 1.0
+    assert moves_search.settled(stub(1.2), 3).rms == 1.0
+    assert begun == ["on"]
+    reached = 3.0
+    assert moves_search.settled(stub(4.0), 3).rms == 2.0
+    assert begun == ["on", "on", "anew"]
