@@ -33,7 +33,9 @@ SETTLING = 0.004
 LOW_SPEED = 0.15
 """Share of the step's greatest speed below which samples are not compared: friction may turn there."""
 
-END_FRACTION = 0.97
+END_FRACTION, LATEST = 0.97, 1.5
+"""Part of the move that is simulated; where the motors lag behind the command, as long as they move, up to the second
+at most. A soft loop brakes, and passes the gap, when the commanded step is over."""
 
 FOLLOWED = 0.15
 """The load's frequency on the held motor over the speed's rate up to which a spline follows the motor. The motor rings
@@ -82,7 +84,8 @@ def step_grid(
     move, traces = recording.moves[index], [acceleration_of(recording, axis) for axis in axes]
     zero = float(traces[0].time[0])
     first = round((move.start + START_FRACTION * move.duration - zero) / h)
-    start, K = zero + (first - 0.5) * h, int((END_FRACTION - START_FRACTION) * move.duration / h)
+    end = ending(recording, index, plain)
+    start, K = zero + (first - 0.5) * h, int((end - START_FRACTION) * move.duration / h)
     measured = np.stack([on_grid(trace, start, h, K) for trace in traces]) - bias[:, None]
     middle = start + h * (np.arange(K) + 0.5)
     speed = np.stack([move.direction * np.asarray(p(middle, 1)) for p in plain])
@@ -90,6 +93,17 @@ def step_grid(
     moving = (speed > LOW_SPEED * speed.max(axis=1, keepdims=True)) | early
     used = np.isfinite(measured) & np.logical_and.accumulate(moving, axis=1) & (middle > start + SETTLING)
     return StepGrid(index, move.direction, start, h, measured, used)
+
+
+def ending(recording: Recording, index: int, plain: Sequence[PPoly]) -> float:
+    """Share of the move at which the slowest of its motors hardly moves any more, END_FRACTION at least."""
+    move, later = recording.moves[index], recording.moves[index + 1 :]
+    room = min((later[0].start - move.start) / move.duration - 0.5 if later else LATEST, LATEST)
+    share = np.arange(START_FRACTION, max(room, END_FRACTION), 0.01)
+    speed = np.stack([move.direction * p(move.start + share * move.duration, 1) for p in plain])
+    moving = (speed > LOW_SPEED * speed.max(axis=1, keepdims=True)) | (share < 0.5)
+    lasting = np.logical_and.accumulate(moving, axis=1).any(axis=0)
+    return max(END_FRACTION, float(share[lasting][-1]))
 
 
 def acceleration_of(recording: Recording, axis: str) -> Trace:
