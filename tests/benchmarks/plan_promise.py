@@ -51,7 +51,7 @@ def attained(found: Proposal, b: float, machines: int, seed: int) -> list[tuple[
     out = []
     with tempfile.TemporaryDirectory() as folder:
         for case, first in zip(cases, firsts, strict=True):
-            made = generate.channels(case, traces, first, case.sensor)
+            made = generate.channels(case, traces, first)
             generate.write_case(campaign, Path(folder), case, traces, first, made)
             (result,) = refined(read_capture(Path(folder) / f"{case.name}.parquet"))
             if result.backlash is not None and result.interval_95 is not None:

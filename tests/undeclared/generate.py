@@ -1,7 +1,8 @@
 """Write campaigns of captures.
 
 `python -m tests.undeclared.generate --kind KIND --count N --seed S --out DIR [--pairs]`, where KIND is `single`,
-`gantry`, `impure`, `impure_gantry`, `none`, `messy`, an effect (or several, joined by +) or `fault-NAME`.
+`gantry`, `impure`, `impure_gantry`, `none`, `messy`, an effect (or several, joined by +), `gantry-EFFECT` (a declared
+gantry, one of whose axes has the effect) or `fault-NAME`.
 """
 
 from __future__ import annotations
@@ -27,13 +28,16 @@ from tests.undeclared.machine import TICK, Array, Steps, Traces, simulate
 
 LANES = 120
 """Lanes simulated at once: more gain little speed and cost 12 MB each."""
+ON_ONE_SIDE = "gantry-"
+"""What a kind begins with that plants an effect on one axis of a declared gantry."""
 SMALLEST, LARGEST = 12e-6, 175e-6
 """Range of the gaps [m]."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """One recording to be made: its lanes (planted and pure), its sensors (and what is planted there), its moves."""
+    """One recording to be made: its lanes (planted and pure), its sensors (and what is planted there), its moves, and
+    the lane that has what is planted (None: all)."""
 
     name: str
     part: str
@@ -44,6 +48,11 @@ class Case:
     steps: Steps
     declared: bool
     seed: int
+    struck: int | None = None
+
+    def sensor_of(self, lane: int) -> Machine:
+        """The sensors of one lane with what is planted there."""
+        return self.sensor | (self.planted if self.struck in (None, lane) else {})
 
 
 @dataclass(frozen=True)
@@ -58,7 +67,8 @@ class Campaign:
     @property
     def effect(self) -> str:
         """Effect to plant, `none` for the campaigns of the estimator."""
-        return "none" if self.kind in ("single", "gantry") or self.kind.startswith("fault-") else self.kind
+        plain = self.kind in ("single", "gantry") or self.kind.startswith("fault-")
+        return "none" if plain else self.kind.removeprefix(ON_ONE_SIDE)
 
     @property
     def fault(self) -> str:
@@ -68,7 +78,12 @@ class Campaign:
     @property
     def two_axes(self) -> bool:
         """Whether the machine is a gantry."""
-        return self.kind in ("gantry", "impure_gantry", GANTRY_COUPLING, "fault-swapped")
+        return self.one_side or self.kind in ("gantry", "impure_gantry", GANTRY_COUPLING, "fault-swapped")
+
+    @property
+    def one_side(self) -> bool:
+        """Whether one axis of a declared gantry has the effect."""
+        return self.kind.startswith(ON_ONE_SIDE)
 
 
 def gaps(index: int, count: int, rng: Generator) -> float:
@@ -80,7 +95,8 @@ def cases(c: Campaign, index: int) -> list[Case]:
     """Return the recordings of one machine: one, or train and validate."""
     rng = np.random.default_rng([c.seed, index, zlib.crc32(c.kind.encode())])
     machines = _machines(c, index, rng)
-    planted, of_sensor = _plant(c, rng, machines[0])
+    struck = int(rng.integers(2)) if c.one_side else None
+    planted, of_sensor = _plant(c, rng, machines[struck or 0])
     good = c.pairs and c.kind != "gantry"
     sensor = sensors.draw(rng, good)
     names = ("train", "validate") if c.pairs else ("",)
@@ -94,8 +110,8 @@ def cases(c: Campaign, index: int) -> list[Case]:
         seed = int(rng.integers(2**31))
         declared = len(machines) == 2 and c.kind != GANTRY_COUPLING
         name = f"{c.kind}-{index:03d}"
-        full = [m | change for m in pure]
-        made.append(Case(name, part, full, list(pure), sensor, of_sensor, moved, declared, seed))
+        full = [m | change if struck in (None, k) else m for k, m in enumerate(pure)]
+        made.append(Case(name, part, full, list(pure), sensor, of_sensor, moved, declared, seed, struck))
     return made
 
 
@@ -103,7 +119,7 @@ def _machines(c: Campaign, index: int, rng: Generator) -> list[Machine]:
     if c.two_axes:
         other = float(np.exp(rng.uniform(np.log(SMALLEST), np.log(LARGEST))))
         pair = (gaps(index, c.count, rng), other)
-        low = 3e-5 if c.kind == GANTRY_COUPLING else 0.0
+        low = 3e-5 if c.one_side or c.kind == GANTRY_COUPLING else 0.0
         made = draw.gantry(rng, (max(pair[0], low), max(pair[1], low)))
         swap = rng.uniform() < 0.5
         return (
@@ -136,12 +152,12 @@ def batches(all_cases: Sequence[Case]) -> list[list[Case]]:
     return cut
 
 
-def channels(case: Case, traces: Traces, first: int, sensor: Machine) -> Channels:
+def channels(case: Case, traces: Traces, first: int) -> Channels:
     """Record the lanes of a case; the same seed gives the same noise whatever was planted."""
     made: Channels = {}
     for k, m in enumerate(case.machines):
         rng = np.random.default_rng([case.seed, k])
-        made[f"X{k + 1}"] = sensors.record(rng, traces, first + k, case.steps.end, m, sensor)
+        made[f"X{k + 1}"] = sensors.record(rng, traces, first + k, case.steps.end, m, case.sensor_of(k))
     return made
 
 
@@ -208,13 +224,16 @@ def passes(traces: Traces, lane: int, m: Machine, steps: Steps) -> int:
 def truth(
     c: Campaign, case: Case, widths: dict[str, list[float]], crossings: dict[str, int]
 ) -> dict[str, Any]:
-    """Return the truth of a recording; `axis`, `machine` and `sensors` hold every parameter of the first axis."""
-    first = case.machines[0]
-    changed = {k: v for k, v in first.items() if case.pure[0].get(k) != v}
+    """Return the truth of a recording; `axis`, `machine` and `sensors` hold every parameter of the first axis, or of
+    the one that has the effect."""
+    at = case.struck or 0
+    first = case.machines[at]
+    changed = {k: v for k, v in first.items() if case.pure[at].get(k) != v}
     clean = c.effect in CLEAN or c.kind == "impure_gantry"
     return {
         "effect": "none" if clean else c.effect,
         "effects": [] if clean else c.effect.split("+"),
+        "effect_axis": None if case.struck is None or clean else f"X{at + 1}",
         "fault": c.fault or None,
         "seed": c.seed,
         "messy": c.kind in ("messy", "impure", "impure_gantry"),
@@ -261,10 +280,10 @@ def generate(c: Campaign, out: Path) -> int:
     for batch in batches(every):
         traces, firsts, distance = simulate_batch(batch, twins)
         for case, first in zip(batch, firsts, strict=True):
-            made = channels(case, traces, first, case.sensor | case.planted)
+            made = channels(case, traces, first)
             told = write_case(c, out, case, traces, first, made)
             if twins:
-                without = channels(replace(case, machines=case.pure), traces, first + distance, case.sensor)
+                without = channels(replace(case, machines=case.pure, planted={}), traces, first + distance)
                 told["deviation_m_s2"] = deviation(case, made, without)
             truths[case.name] = merge(truths[case.name], told) if case.name in truths else told
     for name, told in truths.items():
