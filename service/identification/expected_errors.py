@@ -3,7 +3,8 @@
 The model is driven by the measured speed of the motor. Its noise, which the drive shows at rest, is integrated to a
 position that wanders by some 0.1 µm within a move, and stiff flanks turn that into accelerations above the sensor's
 noise. So residuals are compared with the variance I + G·Gᵀ, in which G is what one standard deviation of every
-speed sample does to the prediction, and how far the motion between the speed's samples is trusted. Only its diagonal
+speed sample does to the prediction, how far the motion between the speed's samples is trusted, and how far the motors
+of a gantry may have wandered apart. Only its diagonal
 is used, as weights: whitening by the whole of it is sharper where the structure is right, and was found to take a
 structure that is slightly off for a wander.
 """
@@ -16,6 +17,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from service.dynamics.driven_model import Model
+from service.dynamics.effects.driven_bodies import WANDERING
 from service.identification.moves import Moves, motor_coefficients, noise_at_rest, simulated
 from service.recording import FloatArray, Trace
 
@@ -65,9 +67,11 @@ def expected_errors(
     model: Model,
     shared: FloatArray,
     local: FloatArray,
+    *,
+    fitted: bool,
 ) -> FloatArray:
     """Expected standard deviation of the residuals over the noise (T, X, K), at a point of the model: shared (P,),
-    local (T, L)."""
+    local (T, L). Where the moves are `fitted` whole, so is how far a gantry's motors wandered apart."""
     values = model.complete({p.name: p.value(shared[k : k + 1]) for k, p in enumerate(model.parameters)})
     skews = [float(values[f"{a}.skew"][0]) for a in moves.axes]
     c = motor_coefficients(moves, np.array([skews]))
@@ -84,6 +88,10 @@ def expected_errors(
         squares[:] += np.sum(np.nan_to_num(off / moves.noise[:, None]) ** 2, axis=0)
 
     add(c + doubted)
+    if len(moves.axes) == 2 and model.bridge and not fitted:
+        wander = np.zeros_like(c)
+        wander[:, :, :, 1, 0] = WANDERING
+        add(c + wander)
     for x, skew in enumerate(skews):
         for errors in in_parts(speed_errors(moves, x, skew)):
             motion = np.tile(c, (len(errors), 1, 1, 1, 1))

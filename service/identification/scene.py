@@ -12,12 +12,15 @@ from scipy.fft import next_fast_len
 
 from service.backlash.model_fit import GANTRY, SINGLE
 from service.backlash.model_fit_data import measure
+from service.backlash.model_fit_gantry import gantry_fit
 from service.backlash.model_fit_stages import Staged, staged_fit
-from service.backlash.model_fit_start import Guess, closed_form
+from service.backlash.model_fit_start import closed_form
 from service.dynamics.driven_effect import Case
 from service.dynamics.driven_model import DrivenEffect, Model
 from service.dynamics.driven_parameters import Parameter
 from service.dynamics.driven_parameters import Values as SetValues
+from service.dynamics.effects.driven_bodies import MotorWander
+from service.identification.bridge_zero import bridge_zero, moved_to
 from service.identification.expected_errors import expected_errors
 from service.identification.moves import Moves, moves_of
 from service.identification.moves_fit import (
@@ -105,10 +108,8 @@ class Scene:
 
 
 def estimator_together(recording: Recording, axes: tuple[str, ...]) -> Values:
-    """What the estimator's staged fit of a gantry finds in the middle part of the moves."""
-    guesses = {name: Guess(None, closed_form(recording, name).compliance, None) for name in axes}
-    measured = measure(recording, axes, range(len(recording.moves)))
-    return values_of(staged_fit(measured, Model(axes, 1), guesses, GANTRY))
+    """What the estimator's fit of a gantry finds in the middle part of the moves."""
+    return values_of(gantry_fit(measure(recording, axes, range(len(recording.moves))), GANTRY))
 
 
 def values_of(staged: Staged) -> Values:
@@ -191,7 +192,7 @@ def scene_of(
     library: Sequence[type[DrivenEffect]],
 ) -> Scene:
     """Grids of all recordings, the places to start from, and the errors that are expected."""
-    lumps = 2 if len(axes) == 1 else 1
+    lumps = 2 if len(axes) == 1 or gantry else 1
     rich: dict[str, float] = {}
     if gantry:
         rich |= estimator_together(train[0], axes)
@@ -199,13 +200,28 @@ def scene_of(
         for axis in axes:
             rich |= lumped(estimator_alone(train[0], axis), axis)
     places = as_effects(rich, axes)
-    declared = Model(axes, lumps, (ChannelTolerance(axes),), "whole_move", HELD, bridge=gantry)
-    smooth = smooth_fit([moves_of(r, axes) for r in train], declared, places, library)
-    *before, last = [with_expected_errors(part, smooth) for part in (*smooth.moves, moves_of(validate, axes))]
+    own = (ChannelTolerance(axes), MotorWander(axes)) if gantry else (ChannelTolerance(axes),)
+    declared = Model(axes, lumps, own, "whole_move", HELD, bridge=gantry)
+    *before, last = [moves_of(r, axes) for r in (*train, validate)]
+    if gantry:
+        *before, last = to_one_zero((*before, last), declared, places)
+    smooth = smooth_fit(before, declared, places, library)
+    if gantry:
+        zero = bridge_zero(last, smooth.model, smooth.at.shared, np.zeros(1))
+        last = moved_to(last, zero, smooth.value("bridge_offset"))
+    before = [with_expected_errors(part, smooth, fitted=True) for part in smooth.moves]
+    last = with_expected_errors(last, smooth, fitted=False)
     return Scene(tuple(before), last, declared, places, values_at(smooth))
 
 
-def with_expected_errors(moves: Moves, found: Fitted) -> Moves:
+def to_one_zero(recordings: Sequence[Moves], model: Model, place: Values) -> list[Moves]:
+    """The recordings of a gantry with the bridge's zero of the first, by the machine at a place."""
+    shared = point_at(model, place, recordings[:1]).shared
+    zeros = [bridge_zero(part, model, shared) for part in recordings]
+    return [moved_to(part, zero, zeros[0]) for part, zero in zip(recordings, zeros, strict=True)]
+
+
+def with_expected_errors(moves: Moves, found: Fitted, fitted: bool) -> Moves:
     """The moves with the spread that a right model's residuals would have, judged at a fit."""
     at = rests_found([moves], found.model, Point(found.at.shared, resting([moves], found.model)))
-    return replace(moves, expected=expected_errors(moves, found.model, at.shared, at.local[0]))
+    return replace(moves, expected=expected_errors(moves, found.model, at.shared, at.local[0], fitted=fitted))

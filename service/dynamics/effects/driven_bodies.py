@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -13,6 +13,10 @@ from service.dynamics.driven_model import add_bridge
 from service.dynamics.driven_parameters import BRIDGE_PARAMETERS, Parameter
 from service.dynamics.driven_propagation import LinearSystem
 from service.recording import FloatArray
+
+WANDERING = 1e-6
+"""What integrated speeds are off from move to move [m], about: some seconds of 1 kHz samples with a noise and a
+resolution of 0.05 rpm each wander by half of it, and the impacts between the samples add as much."""
 
 
 def swing(prefix: str, largest: float) -> tuple[Parameter, ...]:
@@ -115,14 +119,31 @@ class DrivenMachineBody(DrivenEffect):
 
 
 @dataclass(frozen=True)
-class DrivenGantryCoupling(DrivenEffect):
+class MotorWander(DrivenEffect):
+    """How much farther apart the two motors of a gantry are in a move than their integrated speeds say: their errors
+    add up from move to move, and the bridge makes a force of them. Part of the declared model of a gantry."""
+
+    name: ClassVar[str] = "motor_wander"
+    means: ClassVar[str] = "integrated speeds wander from move to move"
+    shared_nuisance: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("wander", "m", 0.0, WANDERING, logarithmic=False, found_again=True),
+    )
+
+    def drive(self, c: FloatArray, case: Case) -> FloatArray:
+        out = c.copy()
+        out[:, :, :, 1, 0] += case.nuisance
+        return out
+
+
+@dataclass(frozen=True)
+class DrivenGantryCoupling(MotorWander):
     """Two axes that are declared to be single pull on each other: f of eq. (9), on a model without a bridge."""
 
     name: ClassVar[str] = "gantry_coupling"
     means: ClassVar[str] = "the two sides of the gantry pull on each other through the bridge"
     shared: ClassVar[tuple[Parameter, ...]] = (
         Parameter("bridge_stiffness", "1/s²", 0.0, 1e5, logarithmic=False, low=0.0, dose=1e3),
-        *BRIDGE_PARAMETERS[1:],
+        *(replace(p, found_again=p.name == "bridge_offset") for p in BRIDGE_PARAMETERS[1:]),
     )
 
     def assemble(self, system: LinearSystem, case: Case, room: Room) -> None:

@@ -71,7 +71,10 @@ def test_a_noisier_drive_makes_larger_errors_expected(
     loud = moves_of(replace(train, traces={**train.traces, ("X1", "motor_speed"): noisy}), ("X1",))
     quiet = found.moves[0]
     assert speed_noise(noisy, loud) == pytest.approx(0.05, rel=0.1)
-    spreads = [expected_errors(m, found.model, found.at.shared, found.at.local[0]) for m in (quiet, loud)]
+    spreads = [
+        expected_errors(m, found.model, found.at.shared, found.at.local[0], fitted=True)
+        for m in (quiet, loud)
+    ]
     assert np.all(spreads[0] >= 1.0)
     assert np.mean(spreads[1]) > 2.0 * np.mean(spreads[0])
 

@@ -1,0 +1,33 @@
+"""The bridge's zero is found again in a recording, and recordings are moved to one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from service.captures import read_capture
+from service.dynamics.driven_model import Model
+from service.identification.bridge_zero import bridge_zero, moved_to
+from service.identification.moves import moves_of, some_of
+from service.identification.moves_fit import Point, fit, resting, rests_found
+from tests.undeclared.generate import Campaign, generate
+
+
+def test_a_zero_is_found_again_wherever_the_motors_began(tmp_path: Path) -> None:
+    """The second motor's positions begin 70 µm elsewhere: the bridge's zero is found 70 µm elsewhere, and undone."""
+    generate(Campaign("gantry", 1, 5), tmp_path)
+    (path,) = tmp_path.glob("*.parquet")
+    recording = read_capture(path)
+    axes = tuple(axis.name for axis in recording.axes)
+    moves, model = moves_of(recording, axes), Model(axes, 1, (), "whole_move", ("constant", "skew"))
+    few = [some_of(moves, 4)]
+    at = rests_found(few, model, Point(np.zeros(len(model.parameters)), resting(few, model)))
+    shared = fit(few, model, at, 12).at.shared
+    first = bridge_zero(moves, model, shared)
+    elsewhere = moved_to(moves, 70e-6, 0.0)
+    second = bridge_zero(elsewhere, model, shared)
+    assert second - first == pytest.approx(-70e-6, abs=1e-6)
+    again = moved_to(elsewhere, second, first)
+    assert bridge_zero(again, model, shared, np.zeros(1)) == pytest.approx(first, abs=1e-6)
