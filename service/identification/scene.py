@@ -98,6 +98,7 @@ class Scene:
     ----------
     rich : values that the estimator found in the middle of the moves with everything free
     smooth : values of a fit of whole moves with all smooth effects added
+    coupled : values that the estimator found for two axes that are not declared to be a gantry as if they were one
     """
 
     train: tuple[Moves, ...]
@@ -105,6 +106,7 @@ class Scene:
     declared: Model
     rich: Values
     smooth: Values
+    coupled: Values
 
 
 def estimator_together(recording: Recording, axes: tuple[str, ...]) -> Values:
@@ -121,6 +123,15 @@ def estimator_alone(recording: Recording, axis: str) -> Values:
     """One axis as if nothing pulled on it, with two masses between motor and rack."""
     measured = measure(recording, (axis,), range(len(recording.moves)))
     return values_of(staged_fit(measured, Model((axis,), 2), {axis: closed_form(recording, axis)}, SINGLE))
+
+
+def estimated(recording: Recording, axes: tuple[str, ...], gantry: bool) -> tuple[Values, Values]:
+    """What the estimator finds by the declared model, and for two axes without a bridge what it finds with one."""
+    together = estimator_together(recording, axes) if len(axes) == 2 else {}
+    if gantry:
+        return together, {}
+    alone = {k: v for axis in axes for k, v in lumped(estimator_alone(recording, axis), axis).items()}
+    return alone, {k: v for axis in axes for k, v in lumped(together, axis).items()} if together else {}
 
 
 def lumped(rich: Values, axis: str) -> Values:
@@ -193,12 +204,7 @@ def scene_of(
 ) -> Scene:
     """Grids of all recordings, the places to start from, and the errors that are expected."""
     lumps = 2 if len(axes) == 1 or gantry else 1
-    rich: dict[str, float] = {}
-    if gantry:
-        rich |= estimator_together(train[0], axes)
-    else:
-        for axis in axes:
-            rich |= lumped(estimator_alone(train[0], axis), axis)
+    rich, coupled = estimated(train[0], axes, gantry)
     places = as_effects(rich, axes)
     own = (ChannelTolerance(axes), MotorWander(axes)) if gantry else (ChannelTolerance(axes),)
     declared = Model(axes, lumps, own, "whole_move", HELD, bridge=gantry)
@@ -211,7 +217,7 @@ def scene_of(
         last = moved_to(last, zero, smooth.value("bridge_offset"))
     before = [with_expected_errors(part, smooth, fitted=True) for part in smooth.moves]
     last = with_expected_errors(last, smooth, fitted=False)
-    return Scene(tuple(before), last, declared, places, values_at(smooth))
+    return Scene(tuple(before), last, declared, places, values_at(smooth), coupled)
 
 
 def to_one_zero(recordings: Sequence[Moves], model: Model, place: Values) -> list[Moves]:
