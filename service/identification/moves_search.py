@@ -49,6 +49,8 @@ ENDED, HOPELESS = 1.05, 4.0
 """RMS up to which a fit need not be begun elsewhere, and from which on more rounds do not help."""
 FAR_OFF = 2.0
 """How much farther from a few moves than the best of all candidates one may be and still be fitted to all moves."""
+RIVAL = 0.75
+"""How near to the best of a candidate's fits of a few moves another must come to be fitted to all moves beside it."""
 SECOND = 0.9
 """How much nearer to the moves a place must be for a fit to begin there once more."""
 
@@ -64,7 +66,7 @@ def refitted(found: Fitted, brief: Sequence[Brief], least: float) -> Fitted:
     moves = unanswering(found.moves)
     if brief[0].rms > FAR_OFF * least:
         return carried(moves, brief[0], 1)
-    best = brief[:2] if brief[0].rms > 0.9 * brief[1].rms else brief[:1]
+    best = [one for one in brief if brief[0].rms > RIVAL * one.rms]
     return min((carried(moves, one, FIRST_ROUNDS) for one in best), key=lambda f: f.rms)
 
 

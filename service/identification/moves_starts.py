@@ -29,6 +29,8 @@ from service.recording import FloatArray
 
 SHAPES = 2
 """Shapes of an effect from which it is started at each place, the best by the score."""
+APART = 0.5
+"""Difference in any of an effect's numbers, in standard deviations of its prior, that makes it another."""
 FEW, BRIEF = 4, 5
 """Moves and rounds with which starts are compared."""
 PUT_BACK = ("turnover_speed", "turnover_spread", "coulomb", "viscous", "damping_ratio", "smear")
@@ -178,7 +180,8 @@ def noted(found: Fitted, moves: Sequence[Moves]) -> Brief:
 
 
 def compared(scene: Scene, found: Fitted, at_places: Sequence[Fitted], candidate: Candidate) -> list[Brief]:
-    """The candidate's best two fits of a few moves, of one from each of its starts; the best first."""
+    """The candidate's best fit of a few moves, of one from each of its starts, and the best of those that ended with
+    another shape of the effect."""
     few = fewer(found)
     starts = [point_at(candidate.model, values, few) for values in begun(scene, found, candidate)]
     starts += [placed(place, candidate).at for place in at_places]
@@ -186,4 +189,15 @@ def compared(scene: Scene, found: Fitted, at_places: Sequence[Fitted], candidate
     other = softer_contact(values_at(min(brief, key=lambda f: f.rms)), candidate.model)
     if other:
         brief.append(fit(few, candidate.model, point_at(candidate.model, other, few), BRIEF))
-    return [noted(one, found.moves) for one in sorted(brief, key=lambda f: f.rms)[:2]]
+    return [noted(one, found.moves) for one in best_of_each_shape(brief, candidate)[:2]]
+
+
+def best_of_each_shape(fits: Sequence[Fitted], candidate: Candidate) -> list[Fitted]:
+    """The best fit, the best of those whose effect is another than that one's, and so on."""
+    names = [p.name for p in candidate.model.parameters]
+    own = [names.index(p.name) for p in candidate.effect.parameters if not p.found_again]
+    out: list[Fitted] = []
+    for one in sorted(fits, key=lambda f: f.rms):
+        if all(np.max(np.abs(one.at.shared[own] - other.at.shared[own])) > APART for other in out):
+            out.append(one)
+    return out
