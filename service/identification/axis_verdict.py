@@ -235,6 +235,11 @@ def _evidence(held: Held, selection: Selection[Explained], finding: Finding, axi
         "where the pinion stands in its gap is found again in the first 45 % of every held-out move, the sensor's "
         "zero at rest"
     )
+    if selection.before.model.fitted.model.bridge and len(held.moves.axes) == 2:
+        lines.append(
+            "where the two motors stand to each other when the bridge pulls on neither side is one number of a recording, "
+            "found again in four whole held-out moves"
+        )
     if finding == "unknown" and selection.effects:
         lines.append(f"{', '.join(selection.effects)} explain a part, but not enough to be named")
     return tuple(lines)

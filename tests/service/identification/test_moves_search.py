@@ -45,6 +45,20 @@ def test_what_acts_one_way_is_begun_in_the_name_of_each_effect_that_is_alike() -
     assert not DRIVEN["constant_force"](("X1",)).instead({"X1.coulomb": 1.0})
 
 
+def test_a_second_start_is_kept_only_for_another_shape_of_the_effect() -> None:
+    parameters = [SimpleNamespace(name=n, found_again=False) for n in ("coulomb", "frequency")]
+    candidate = SimpleNamespace(
+        model=SimpleNamespace(parameters=parameters), effect=SimpleNamespace(parameters=parameters[1:])
+    )
+
+    def fitted(rms: float, coulomb: float, frequency: float) -> Any:
+        return SimpleNamespace(rms=rms, at=SimpleNamespace(shared=np.array([coulomb, frequency])))
+
+    fits = [fitted(2.5, 0.0, -0.4), fitted(2.2, 0.0, 0.5), fitted(2.3, 3.0, 0.6)]
+    kept = moves_starts.best_of_each_shape(fits, cast(Any, candidate))
+    assert [one.rms for one in kept] == [2.2, 2.5]
+
+
 def stub(rms: float) -> Any:
     model = SimpleNamespace(parameters=())
     return cast(Any, SimpleNamespace(rms=rms, moves=("every",), model=model, at=SimpleNamespace(local=())))
