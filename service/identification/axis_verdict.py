@@ -237,8 +237,8 @@ def _evidence(held: Held, selection: Selection[Explained], finding: Finding, axi
     )
     if selection.before.model.fitted.model.bridge and len(held.moves.axes) == 2:
         lines.append(
-            "where the two motors stand to each other when the bridge pulls on neither side is one number of a recording, "
-            "found again in four whole held-out moves"
+            "where the two motors stand to each other when the bridge pulls on neither side is one number of a "
+            "recording, found again in four whole held-out moves"
         )
     if finding == "unknown" and selection.effects:
         lines.append(f"{', '.join(selection.effects)} explain a part, but not enough to be named")
