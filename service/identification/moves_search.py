@@ -55,6 +55,15 @@ SECOND = 0.9
 """How much nearer to the moves a place must be for a fit to begin there once more."""
 
 
+def as_contained(inner: Fitted, outer: Fitted) -> Fitted:
+    """The fit of an effect, begun once more where one ended that contains it and that came nearer."""
+    if outer.rms > inner.rms:
+        return inner
+    values = values_at(outer) | dict(inner.model.effects[-1].instead(values_at(outer)))
+    at = begun_at(inner.moves, inner.model, values, inner.at.local)
+    return min(inner, fit(inner.moves, inner.model, at, ROUNDS), key=lambda f: f.rms)
+
+
 def carried(moves: Sequence[Moves], brief: Brief, rounds: int) -> Fitted:
     """What was fitted to a few moves, fitted to all."""
     return fit(moves, brief.model, begun_at(moves, brief.model, brief.values, brief.local), rounds)
@@ -128,6 +137,9 @@ def propose(
             found[candidate.name] = seconded(base, best, found[candidate.name], candidate)
     for name in sorted(found, key=lambda n: found[n].rms)[:PROMISING]:
         found[name] = fit(found[name].moves, found[name].model, found[name].at, ROUNDS)
+    for candidate in candidates(base.model, library, taken):
+        for inner in set(candidate.effect.contains) & set(found):
+            found[inner] = as_contained(found[inner], found[candidate.name])
     finalists = sorted(found, key=lambda n: found[n].rms)[:FINALISTS]
     for name in finalists:
         found[name] = settled(found[name], ROUNDS)

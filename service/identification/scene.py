@@ -52,14 +52,14 @@ Values = Mapping[str, float]
 
 @dataclass(frozen=True)
 class ChannelTolerance(DrivenEffect):
-    """What every chain of measurement does: time stamps a few hundredths of a sample off, and a sensor whose own filter
-    smears an impact a little. No effects, but both change an impact by more than the noise. Part of the declared
-    model."""
+    """What every chain of measurement does: time stamps off by about the time that a frame takes on the bus, and a
+    sensor whose own filter smears an impact a little. No effects, but both change an impact by more than the noise.
+    Part of the declared model."""
 
     name: ClassVar[str] = "channel_tolerance"
     means: ClassVar[str] = "time stamps are rounded, and the sensor has a bandwidth"
     own: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("clock_offset", "s", 0.0, 5e-6, logarithmic=False),
+        Parameter("clock_offset", "s", 0.0, 3e-5, logarithmic=False),
         Parameter("smear", "s", 0.0, 1e-4, logarithmic=False, low=0.0, high=4e-4),
     )
 

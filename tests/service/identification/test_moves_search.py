@@ -92,3 +92,22 @@ def test_a_fit_goes_on_from_where_it_stands_and_begins_again_only_if_it_is_not_n
     reached = 3.0
     assert moves_search.settled(stub(4.0), 3).rms == 2.0
     assert begun == ["on", "on", "anew"]
+
+
+def test_an_effect_is_begun_again_where_one_ended_that_contains_it(monkeypatch: Any) -> None:
+    begun: list[dict[str, float]] = []
+
+    def at(_moves: Any, _model: Any, values: dict[str, float], _local: Any) -> str:
+        begun.append(values)
+        return "there"
+
+    monkeypatch.setattr(moves_search, "values_at", lambda _f: {"X1.spring_preload": 0.2, "X1.coulomb": 0.3})
+    monkeypatch.setattr(moves_search, "begun_at", at)
+    monkeypatch.setattr(moves_search, "fit", lambda *_: stub(1.1))
+    inner = stub(1.6)
+    inner.model = SimpleNamespace(effects=(DRIVEN["constant_force"](("X1",)),))
+    assert moves_search.as_contained(inner, stub(1.8)).rms == 1.6
+    assert not begun, "what contains it is no nearer"
+    assert moves_search.as_contained(inner, stub(1.2)).rms == 1.1
+    assert begun[0]["X1.constant_force"] == 0.2
+    assert begun[0]["X1.coulomb"] == 0.3
