@@ -81,14 +81,11 @@ def _numbers(values: pa.Array) -> FloatArray:
 
 
 def _codes(column: pa.ChunkedArray) -> tuple[np.ndarray[tuple[int], np.dtype[np.int64]], list[str]]:
-    coded = (
-        column.unify_dictionaries() if pa.types.is_dictionary(column.type) else pc.dictionary_encode(column)
-    )
-    coded = coded.combine_chunks()
+    is_coded = pa.types.is_dictionary(column.type)
+    coded = (column.unify_dictionaries() if is_coded else pc.dictionary_encode(column)).combine_chunks()
     names = coded.dictionary.to_pylist()
-    first = np.array(
-        [names.index(name) for name in names], np.int64
-    )  # a name may stand twice in a dictionary
+    # A name may stand twice in a dictionary.
+    first = np.array([names.index(name) for name in names], np.int64)
     return first[np.from_dlpack(coded.indices)], names
 
 

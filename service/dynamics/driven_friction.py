@@ -5,7 +5,7 @@ rest, it holds the carriage until it is pushed over its breakaway level: it grow
 way beyond the turnover speed. The knee of that curve is made of three corners, which are contact events like those of
 a flank, so that sticking is as exact as sliding, whatever the grid. How far they lie apart is a number of its own: a
 load that starts shows the shape of the knee, and a fit makes up for a wrong one by another Coulomb level and another
-viscous friction (0.03 m/s² and a third of it were seen), which together are wrong at every other speed.
+viscous friction, which together are wrong at every other speed.
 """
 
 from __future__ import annotations

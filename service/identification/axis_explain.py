@@ -35,9 +35,8 @@ def explain_axes(
         library = tuple(DRIVEN.values())
         scene = scene_of(train, validate, tuple(axes), tuple(axes) in validate.gantry, library)
         found = settled(declared_fit(scene), 12)
-        scene = replace(
-            scene, train=()
-        )  # how their motors answer is large, and every fit holds moves of its own
+        # Every fit holds moves of its own; those of the scene would only keep the large answers of their motors.
+        scene = replace(scene, train=())
         before = ended(scene, trial_of(scene, found))
         tell(f"declared model: RMS {before.train_rms:.3f}, held out {before.validation_rms:.3f} of the noise")
         selection = select(

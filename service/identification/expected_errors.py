@@ -4,9 +4,8 @@ The model is driven by the measured speed of the motor. Its noise, which the dri
 position that wanders by some 0.1 µm within a move, and stiff flanks turn that into accelerations above the sensor's
 noise. So residuals are compared with the variance I + G·Gᵀ, in which G is what one standard deviation of every
 speed sample does to the prediction, how far the motion between the speed's samples is trusted, and how far the motors
-of a gantry may have wandered apart. Only its diagonal
-is used, as weights: whitening by the whole of it is sharper where the structure is right, and was found to take a
-structure that is slightly off for a wander.
+of a gantry may have wandered apart. Only its diagonal is used, as weights: whitening by the whole of it is sharper
+where the structure is right, and was found to take a structure that is slightly off for a wander.
 """
 
 from __future__ import annotations

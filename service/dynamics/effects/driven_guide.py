@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -13,18 +13,19 @@ from service.dynamics.driven_friction import speeds
 from service.dynamics.driven_parameters import Parameter, Values
 from service.dynamics.driven_propagation import LinearSystem
 
+ONE_WAY = {"constant_force": 1.0, "spring_preload": 1.0, "coulomb_asymmetry": -1.0, "viscous_asymmetry": -0.1}
+"""What a unit of each adds to the force that acts one way while an axis moves; viscous friction at 0.1 m/s, the top
+speed of a diagnostic step."""
 
-def one_way(values: Mapping[str, float], axis: str) -> float | None:
-    """The force per moved mass [m/s²] that acts one way while an axis moves, of all effects that make one; none where
-    there is none of them. Viscous friction counts at 0.1 m/s, the top speed of a diagnostic step."""
-    shares = {
-        "constant_force": 1.0,
-        "spring_preload": 1.0,
-        "coulomb_asymmetry": -1.0,
-        "viscous_asymmetry": -0.1,
-    }
-    found = [share * values[f"{axis}.{name}"] for name, share in shares.items() if f"{axis}.{name}" in values]
-    return sum(found) if found else None
+
+def one_way(values: Mapping[str, float], axes: Sequence[str]) -> dict[str, float]:
+    """That force per moved mass [m/s²] by axis, of all effects in `values`; none of an axis without them."""
+    out: dict[str, float] = {}
+    for axis in axes:
+        for name, share in ONE_WAY.items():
+            if f"{axis}.{name}" in values:
+                out[axis] = out.get(axis, 0.0) + share * values[f"{axis}.{name}"]
+    return out
 
 
 @dataclass(frozen=True)
@@ -38,8 +39,7 @@ class DrivenConstantForce(DrivenEffect):
     )
 
     def instead(self, values: Mapping[str, float]) -> Mapping[str, float]:
-        force = {axis: one_way(values, axis) for axis in self.axes}
-        return {f"{axis}.constant_force": f for axis, f in force.items() if f is not None}
+        return {f"{axis}.constant_force": f for axis, f in one_way(values, self.axes).items()}
 
     def restate(self, values: Values) -> Values:
         return {**values, **{f"{a}.constant": values[f"{a}.constant_force"] for a in self.axes}}
@@ -58,8 +58,7 @@ class DrivenPositionForce(DrivenEffect):
     contains: ClassVar[tuple[str, ...]] = ("constant_force",)
 
     def instead(self, values: Mapping[str, float]) -> Mapping[str, float]:
-        force = {axis: one_way(values, axis) for axis in self.axes}
-        return {f"{axis}.spring_preload": f for axis, f in force.items() if f is not None}
+        return {f"{axis}.spring_preload": f for axis, f in one_way(values, self.axes).items()}
 
     def assemble(self, system: LinearSystem, case: Case, room: Room) -> None:
         for _, axis, x in self.each(case.model):
@@ -82,9 +81,10 @@ class DrivenAsymmetricFriction(DrivenEffect):
 
     def instead(self, values: Mapping[str, float]) -> Mapping[str, float]:
         """All of it at the Coulomb level: what a speed does is found from there."""
-        force = {axis: one_way(values, axis) for axis in self.axes}
-        coulomb = {f"{axis}.coulomb_asymmetry": -f for axis, f in force.items() if f is not None}
-        return coulomb | {name.replace("coulomb", "viscous"): 0.0 for name in coulomb}
+        force = one_way(values, self.axes)
+        return {f"{axis}.coulomb_asymmetry": -f for axis, f in force.items()} | {
+            f"{axis}.viscous_asymmetry": 0.0 for axis in force
+        }
 
     def assemble(self, system: LinearSystem, case: Case, room: Room) -> None:
         for _, axis, x in self.each(case.model):
