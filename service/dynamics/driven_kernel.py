@@ -22,6 +22,9 @@ HOPELESS = 100.0
 """Time constants per interval from which on a parameter set is no machine; its states are NaN. Stiff pinions have 10 to
 20, and every event in an interval is looked for in pieces of four."""
 
+SCATTER = 31
+"""Spreads the numbers of contact states over the list: those that follow each other differ by powers of three."""
+
 
 @within
 def product(E, which, z, n, out):
@@ -93,12 +96,14 @@ def slot_of(machine, modes, sizes, pace, store, scratch):
     A, B, push, law, forced = machine
     n, Q, X, order = sizes
     _, dt, halvings, _ = pace
-    slots, count, part, whole = store
+    keys, slots, count, part, whole = store
     N, new, term, drive, low = scratch
     number = mode_number(modes)
-    if slots[number] < 0:
+    place = place_of(keys, number)
+    if keys[place] != number:
         if count[0] == len(part):
             emptied(store)
+            place = place_of(keys, number)
         slot = count[0]
         rate_matrix(A, B, push, law, forced, modes, N)
         exponential(N, n, Q, X, dt, order, part[slot], (term, new, drive))
@@ -106,17 +111,26 @@ def slot_of(machine, modes, sizes, pace, store, scratch):
             for w in range(N.shape[1]):
                 whole[slot, i, w] = part[slot, i, w]
         doubled(whole[slot], n, Q, X, dt, halvings, (term, low))
-        slots[number] = slot
+        keys[place], slots[place] = number, slot
         count[0] += 1
-    return slots[number]
+    return slots[place]
+
+
+@within
+def place_of(keys, number):
+    """Where the number of a contact state is listed, or else the first free place for it; there always is one."""
+    place = SCATTER * number % len(keys)
+    while keys[place] >= 0 and keys[place] != number:
+        place = (place + 1) % len(keys)
+    return place
 
 
 @lean
 def emptied(store):
     """Forget all exponentials."""
-    slots, count, _, _ = store
-    for i in range(len(slots)):
-        slots[i] = -1
+    keys, _, count, _, _ = store
+    for i in range(len(keys)):
+        keys[i] = -1
     count[0] = 0
 
 
@@ -146,8 +160,8 @@ def propagate(
         (S, Q, 2) and tables (S, Q, P)
     motion : x0 (S, T, n), c (S, T, K, X·J), constants (T, C)
     h, fastest : interval [s], bound of each set's fastest rate (S,) [1/s]
-    stores : of the first set's and of another's exponentials: slot of every contact state, how many, over a piece, over
-        a whole interval
+    stores : of the first set's and of another's exponentials: the listed contact states' numbers (-1: free place) and
+        slots, how many, and by slot over a piece and over a whole interval
     scratch : of one_machine, of the exponentials, of events, and whether a form sees an input that changes
     """
     place, many, delta, force = flanks
@@ -202,7 +216,7 @@ def one_step(machine, flanks, curves, sizes, pace, store, scratch, c, out):
     n, Q, X, _ = sizes
     h, dt, halvings, watched = pace
     (z, new, modes, end), rooms, events, _ = scratch
-    _, _, part, whole = store
+    _, _, _, part, whole = store
     values, slopes = len(z) - 2 * Q, len(z) - Q
     contact_modes(flanks, z, modes)
     slot = slot_of(machine, modes, sizes, pace, store, rooms)
