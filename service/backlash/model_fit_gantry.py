@@ -30,6 +30,7 @@ from service.backlash.model_fit_stages import (
     settled,
     shared_out,
     split,
+    with_impurities,
 )
 from service.backlash.model_fit_start import SEARCH_STEPS, best_starts, candidates
 from service.dynamics.driven_model import Model
@@ -103,7 +104,8 @@ def simulated_from(measured: Measured, few: Problem, balanced: list[Fit], effort
         if ends[-1].fit.misfit < ENOUGH:
             break
     found = min(ends, key=lambda o: o.fit.cost).fit.point
-    last = over_all_steps(measured, heavy, Point(found.shared, repeated(heavy, found.local)), effort)
+    whole, begin = with_impurities(heavy, Point(found.shared, repeated(heavy, found.local)))
+    last = over_all_steps(measured, whole, begin, effort)
     return Staged(min(last, key=lambda o: o.fit.cost), last, [*starts, *ends])
 
 

@@ -9,7 +9,7 @@ nothing.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import ClassVar
 
@@ -17,11 +17,10 @@ import numpy as np
 from numpy.polynomial.legendre import leg2poly
 
 from service.backlash.model_fit_problem import Problem
-from service.dynamics.driven_effect import Case, DrivenEffect, Room
+from service.dynamics.driven_effect import Case, DrivenEffect
 from service.dynamics.driven_motion import between
 from service.dynamics.driven_parameters import Parameter
-from service.dynamics.driven_propagation import LinearSystem
-from service.dynamics.effects.driven_transmission import TYPICAL_PUSH, grid_points
+from service.dynamics.effects.driven_transmission import DrivenBentContact, grid_points
 from service.recording import FloatArray
 
 BEND = 0.1
@@ -34,14 +33,13 @@ BOWS = 5
 """Legendre polynomials over the stroke that are free. Chosen: a step of 4 to 6 mm is about one tooth, its mesh error
 one wave or less, of which these leave a fiftieth; faster ones hardly change between release and impact on average."""
 
-BENDS = (0.0, 0.06, 0.2, 0.5, 0.9, 1.5, 2.4)
-"""Depths between which a bent flank is straight, in depths under TYPICAL_PUSH. Chosen: twice as many move the backlash
-by 0.05 µm at most, and a flank is hardly ever pressed deeper."""
-
 
 def impurities(problem: Problem) -> tuple[DrivenEffect, ...]:
-    """What is freed beside the declared model: every axis' mesh error over its stroke, and its bent contact."""
+    """What is freed beside the declared model: every axis' bent contact, and a single axis' mesh error over its
+    stroke."""
     axes = problem.model.axes
+    if len(axes) > 1:
+        return (BentContact(axes),)
     places = [motion[0](grid.time) for motion, grid in zip(problem.motion, problem.grids, strict=True)]
     low, high = min(float(p.min()) for p in places), max(float(p.max()) for p in places)
     return MeshError(axes, low, high - low), BentContact(axes)
@@ -99,40 +97,8 @@ def powers() -> FloatArray:
 
 
 @dataclass(frozen=True)
-class BentContact(DrivenEffect):
-    """Flanks whose force grows with depth to the power n = 1 + bend: k·δ·(δ/δ0)^bend, δ0 being the depth under
-    TYPICAL_PUSH, where it is as large as the straight flank's.
-
-    The law is a chain of straight pieces, each a flank of its own that is met a little deeper than the one before,
-    spring and damper in one proportion: so the propagation stays exact between events. A force that is looked up at the
-    grid points only misses the first tenths of a micrometre, where the bend is greatest and the backlash is decided.
-    """
+class BentContact(DrivenBentContact):
+    """The bend that sound flanks have."""
 
     name: ClassVar[str] = "bent_contact"
-    means: ClassVar[str] = "the flanks' force grows a little faster than their depth"
-    own: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("bend", "1", 0.0, BEND, logarithmic=False, low=-0.5, high=1.5),
-    )
-
-    @property
-    def gaps(self) -> int:
-        return len(self.axes) * (len(BENDS) - 2)
-
-    def assemble(self, system: LinearSystem, case: Case, room: Room) -> None:
-        """The first piece takes the straight flank's place, the others are added."""
-        end = system.n + system.constant()
-        for at, axis, x in self.each(case.model):
-            more = room.gap + at * (len(BENDS) - 2) + np.arange(len(BENDS) - 2)
-            k, d = system.k[:, x].copy(), system.d[:, x].copy()
-            stiffer = stiffening(case.values[f"{axis}.bend"])
-            for gap, begin, share in zip((x, *more), BENDS, stiffer.T, strict=False):
-                system.approach[:, gap], system.push[:, gap] = system.approach[:, x], system.push[:, x]
-                system.approach[:, gap, :, end] -= (begin * TYPICAL_PUSH / k)[:, None]
-                system.k[:, gap], system.d[:, gap] = share * k, share * d
-
-
-def stiffening(bend: FloatArray) -> FloatArray:
-    """What every piece adds to the stiffness (S, len(BENDS) − 1), by least squares on the curve x^(1 + bend)."""
-    x = np.linspace(0.0, BENDS[-1], 200)
-    deeper = np.maximum(x[:, None] - np.array(BENDS[:-1]), 0.0)
-    return np.asarray(np.linalg.lstsq(deeper, x[:, None] ** (1.0 + bend), rcond=None)[0].T)
+    own: ClassVar[tuple[Parameter, ...]] = (replace(DrivenBentContact.own[0], spread=BEND, dose=0.0),)

@@ -307,7 +307,8 @@ def shared_out(
 
 
 def with_impurities(problem: Problem, begin: Point) -> tuple[Problem, Point]:
-    """The problem with every axis' mesh error and bent contact as further parameters, which begin at nothing."""
+    """The problem with what its axes do a little beyond the paper's model as further parameters, which begin at
+    nothing."""
     model = replace(problem.model, effects=impurities(problem))
     more = len(model.parameters) - len(problem.model.parameters)
     free = problem.free + (True,) * more

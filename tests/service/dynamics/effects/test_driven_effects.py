@@ -105,9 +105,12 @@ class Plain:
         """The depth's rate counts, so a gap that widens under way damps too."""
         k, half = self.v["contact_stiffness"], 0.5 * (self.v["backlash"] + self.get("gap_slope") * x)
         rate = r - float(np.sign(s)) * 0.5 * self.get("gap_slope") * v
-        force = one_sided(s, rate, half, k, 2 * self.v["contact_damping_ratio"] * np.sqrt(k))
-        depth = max(abs(s) - half, 0.0)
-        return force + k * depth * ((k * depth / 4.0) ** self.get("bend") - 1.0) * float(np.sign(s))
+        depth, bend = max(abs(s) - half, 0.0), self.get("bend")
+        grown = (k * depth / 4.0) ** bend if depth else 0.0
+        # Pressed on by the depth, damped as it is stiff there.
+        force = k * depth * grown * float(np.sign(s))
+        force += 2 * self.v["contact_damping_ratio"] * np.sqrt(k) * (1.0 + bend) * grown * (depth > 0.0) * rate
+        return force if force * s > 0.0 else 0.0
 
     def rates(self, t: float, z: FloatArray) -> list[float]:
         xp, vp, x, v, xh, vh, xb, vb = z
