@@ -236,7 +236,11 @@ def room_for_exponentials(gaps: int, n: int, U: int) -> Arrays:
     """An empty store: contact states listed by number and their slots, how many, and by slot the exponentials over a
     piece and over a whole interval. Of all contact states only those that are met have a slot."""
     many = min(3**gaps, KNOWN)
-    keys, slots, count = np.full(2 * many, -1), np.zeros(2 * many, dtype=np.int64), np.zeros(1, dtype=np.int64)
+    keys, slots, count = (
+        np.full(2 * many, -1),
+        np.zeros(2 * many, dtype=np.int64),
+        np.zeros(1, dtype=np.int64),
+    )
     return keys, slots, count, np.empty((many, n, n + U)), np.empty((many, n, n + U))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from service.dynamics.driven import simulate
 from service.dynamics.driven_model import Model
 from service.dynamics.driven_motion import coefficients, plain_motion
 from service.dynamics.effects.driven_library import DRIVEN
+from service.dynamics.effects.driven_transmission import BENDS, stiffening
 from service.recording import FloatArray, Trace
 
 H, K, BEGIN = 2.5e-4, 340, -0.002
@@ -105,12 +107,17 @@ class Plain:
         """The depth's rate counts, so a gap that widens under way damps too."""
         k, half = self.v["contact_stiffness"], 0.5 * (self.v["backlash"] + self.get("gap_slope") * x)
         rate = r - float(np.sign(s)) * 0.5 * self.get("gap_slope") * v
-        depth, bend = max(abs(s) - half, 0.0), self.get("bend")
-        grown = (k * depth / 4.0) ** bend if depth else 0.0
-        # Pressed on by the depth, damped as it is stiff there.
-        force = k * depth * grown * float(np.sign(s))
-        force += 2 * self.v["contact_damping_ratio"] * np.sqrt(k) * (1.0 + bend) * grown * (depth > 0.0) * rate
-        return force if force * s > 0.0 else 0.0
+        d = 2 * self.v["contact_damping_ratio"] * np.sqrt(k)
+        if not self.get("bend"):
+            return one_sided(s, rate, half, k, d)
+        pieces = zip(BENDS, self.shares(self.e["bend"]), strict=False)
+        return sum(one_sided(s, rate, half + at * 4.0 / k, share * k, share * d) for at, share in pieces)
+
+    @staticmethod
+    @cache
+    def shares(bend: float) -> tuple[float, ...]:
+        """Of the pieces that a bent flank is made of; the law that they stand for has a test of its own."""
+        return tuple(stiffening(np.array([bend]))[0])
 
     def rates(self, t: float, z: FloatArray) -> list[float]:
         xp, vp, x, v, xh, vh, xb, vb = z
