@@ -2,7 +2,7 @@
 
 immediate   the paper's method, a tenth of a second; several percent, and an interval that says so
 refined     the model fit, seconds to tens of seconds; a fraction of a micrometre
-estimate    both: the refined result where there is one, else the immediate
+estimate    both: the refined result, or the immediate where the fit's refusal speaks of the fit alone
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from service.backlash.admission import admit
 from service.backlash.meaning import at_each_place
 from service.backlash.model_fit import METHOD, model_fit_axes
 from service.backlash.paper import paper
-from service.backlash.results import AxisResult, Reason, Refusal
+from service.backlash.results import OF_THE_METHOD, AxisResult, Reason, Refusal
 from service.recording import Recording
 
 
@@ -38,8 +38,16 @@ def _refined(recording: Recording) -> tuple[AxisResult, ...]:
 
 
 def best(first: Sequence[AxisResult], second: Sequence[AxisResult]) -> tuple[AxisResult, ...]:
-    """Per axis the refined result (``second``) where its verdict is ok, else the immediate one (``first``)."""
-    return tuple(fit if fit.verdict == "ok" else plain for plain, fit in zip(first, second, strict=True))
+    """Per axis the refined result (``second``), or the immediate one (``first``) where it stands beside a refusal.
+
+    What the fit refuses for the run itself is refused: the plain method looks less closely, its value would be wrong.
+    """
+    return tuple(plain if stands(fit) else fit for plain, fit in zip(first, second, strict=True))
+
+
+def stands(fit: AxisResult) -> bool:
+    """Whether the plain value stands beside this answer of the fit: a refusal that says nothing of the run."""
+    return fit.verdict == "refused" and fit.reason in OF_THE_METHOD
 
 
 def estimate(recording: Recording) -> tuple[AxisResult, ...]:

@@ -40,6 +40,13 @@ class Reason(StrEnum):
     INTERVAL_TOO_WIDE = "interval_too_wide"
 
 
+OF_THE_METHOD = frozenset({Reason.INTERVAL_TOO_WIDE, Reason.TOO_FEW_STEPS})
+"""Reasons that say only what one method cannot do with a run; another's value may stand. All others speak of the run:
+its recording, its moves, or a machine that does something else than every method takes for granted. A misfit is one of
+these: a second gap, a swinging body or a tilting sensor drives the plain value far out of its interval, and neither the
+size of the misfit nor the plain method's own steps tell these from effects that leave it alone."""
+
+
 class Refusal(NamedTuple):
     """Why there is no value; ``detail`` says what was seen, the likely physical cause and what to do."""
 

@@ -1,7 +1,8 @@
 """The refined values: first the immediate one is stored and shown, then the model fit's takes its place.
 
 Works off finished runs one after the other in a thread, which waits for the analysis process; the plain value
-stays in the store beside the refined one.
+stays in the store beside the refined one. Where the fit refuses the run itself, its refusal takes that place: the run
+ends refused, and tells which value it has shown until then.
 """
 
 from __future__ import annotations
@@ -9,15 +10,17 @@ from __future__ import annotations
 import logging
 import queue
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 
+from service.backlash.estimate import stands
 from service.backlash.results import AxisResult
 from service.captures import CaptureError
 from service.runs.analysis import AnalysisError
 from service.runs.diagnostic_run import Workshop
 from service.runs.judging import beside, is_measurement, judge_result
-from service.store.records import AlarmChange, AxisOutcome, RunRecord
+from service.store.records import DECLARED, AlarmChange, AxisOutcome, RunRecord, Withdrawal
+from service.store.repository import Repository
 
 log = logging.getLogger(__name__)
 
@@ -83,19 +86,51 @@ def refine(workshop: Workshop, run_id: int) -> None:
 
 
 def _store(workshop: Workshop, run: RunRecord, results: Sequence[AxisResult]) -> None:
-    """A value becomes the axis' reported one and is judged; a refusal stands beside the immediate value."""
+    """A value becomes the axis' reported one and is judged; a refusal of the run takes that place, too, and the run
+    says so; a refusal that speaks of the fit alone stands beside the immediate value."""
     repository = workshop.repository
     measured_at = run.finished_at or workshop.wall_time()
     outcomes: list[AxisOutcome] = []
     changes: list[AlarmChange] = []
     for result in results:
-        axis = repository.axis(result.axis)
-        if result.verdict == "refused" or not is_measurement(run):
+        if stands(result) or not is_measurement(run):
             outcomes.append(beside(result))
             continue
-        outcome, found = judge_result(repository, axis, result, measured_at)
+        outcome, found = judge_result(repository, repository.axis(result.axis), result, measured_at)
         outcomes.append(outcome)
         changes += found
-    repository.add_outcomes(run.id, outcomes)
+    withdrawal = _withdrawal(run, _shown(repository, run), outcomes)
+    repository.add_outcomes(run.id, outcomes, withdrawal)
     if changes:
         repository.change_alarms(changes, workshop.wall_time())
+
+
+def _shown(repository: Repository, run: RunRecord) -> dict[str, float]:
+    """The declared model's values that the run shows, by axis [m]."""
+    outcomes = [value.outcome for value in repository.outcomes(run.id)]
+    return {
+        one.result.axis: one.result.backlash
+        for one in outcomes
+        if one.reported and one.series == DECLARED and one.result.backlash is not None
+    }
+
+
+def _withdrawal(
+    run: RunRecord, shown: Mapping[str, float], outcomes: Sequence[AxisOutcome]
+) -> Withdrawal | None:
+    """How the run ends when values that it has shown are refused; None when none is."""
+    refused = {
+        one.result.axis: one.result for one in outcomes if one.reported and one.result.verdict == "refused"
+    }
+    gone = [axis for axis in shown if axis in refused]
+    if not gone:
+        return None
+    said = [
+        f"{axis}: the immediate value of {shown[axis] * 1e6:.1f} µm is withdrawn, since the fit of the whole model "
+        f"refuses the run: {refused[axis].detail or refused[axis].reason}"
+        for axis in gone
+    ]
+    detail = "; ".join([*([run.detail] if run.detail else []), *said])
+    if len(gone) < len(shown):
+        return Withdrawal("ok", None, detail)
+    return Withdrawal("refused", str(refused[gone[0]].reason), detail)

@@ -207,6 +207,18 @@ class RunEnd:
 
 
 @dataclass(frozen=True)
+class Withdrawal:
+    """What a run that ended ok is once a closer look has refused values of it: still ok where another axis has one.
+
+    ``detail`` tells all of it: which values were shown until then, and why they are none.
+    """
+
+    state: FinalState
+    reason: str | None
+    detail: str
+
+
+@dataclass(frozen=True)
 class ValueRecord:
     """One stored answer: the outcome with its place."""
 

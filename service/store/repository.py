@@ -28,6 +28,7 @@ from service.store.records import (
     RunOrder,
     RunRecord,
     ValueRecord,
+    Withdrawal,
 )
 
 T = TypeVar("T")
@@ -95,11 +96,13 @@ class Repository:
             for change in alarms:
                 journal.apply_change(connection, change, end.finished_at, end.run_id)
 
-    def add_outcomes(self, run_id: int, outcomes: Sequence[AxisOutcome]) -> None:
+    def add_outcomes(
+        self, run_id: int, outcomes: Sequence[AxisOutcome], withdrawal: Withdrawal | None = None
+    ) -> None:
         """Add answers to a finished run: a refined method's, or a series restated with a model revision.
 
         A reported answer takes that mark over from the one of the same axis and series, which stays beside
-        it.
+        it. With a ``withdrawal`` the run, which must have ended ok, ends as that says.
         """
         with self._database.writing() as connection:
             run = (
@@ -110,6 +113,8 @@ class Repository:
             if run is None:
                 raise UnknownRecordError(f"there is no run {run_id}")
             statements.add_outcomes(connection, run_id, run["finished_at_utc"], outcomes)
+            if withdrawal is not None:
+                statements.set_run(connection, run_id, ("ok",), vars(withdrawal))
 
     def fail_interrupted(self, at: datetime) -> tuple[int, ...]:
         """Fail the runs that a killed process left unfinished, once at the start; return their ids."""

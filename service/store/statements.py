@@ -73,7 +73,7 @@ def end_values(end: RunEnd) -> dict[str, Any]:
 
 
 def set_run(connection: Connection, run_id: int, states: Iterable[str], values: Mapping[str, Any]) -> None:
-    """Change a run that is in one of the given states; a finished run is never changed."""
+    """Change a run that is in one of the given states; of a finished run only its values can be withdrawn."""
     changed = connection.execute(
         tables.runs.update().where(tables.runs.c.id == run_id, tables.runs.c.state.in_(states)).values(values)
     )

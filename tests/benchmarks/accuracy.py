@@ -6,8 +6,9 @@
     python tests/benchmarks/accuracy.py --folder DIR          captures of your own with STEM-truth.json beside each
 
 Rows are single axes, gantries, both with small impurities that the model lacks, the shared captures, and faults
-that must be refused. `service` is what the product reports: the fit where its verdict is ok, else the plain value.
-Errors are of the axes that were answered; `draw_accuracy` makes the README's picture of the records.
+that must be refused. `service` is what the product reports: the fit, or the plain value where the fit's refusal
+speaks of the fit alone. Errors are of the axes that were answered; `draw_accuracy` makes the README's picture of the
+records.
 """
 
 from __future__ import annotations

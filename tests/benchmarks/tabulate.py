@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from service.backlash.results import OF_THE_METHOD
 from service.recording import FloatArray
 from tests.benchmarks.measuring import Record
 
@@ -49,10 +50,10 @@ def answered(records: Iterable[Record]) -> list[Record]:
 
 
 def service(records: Sequence[Record]) -> list[Record]:
-    """What the product reports of each axis: the fit where its verdict is ok, else the paper's value."""
+    """What the product reports of each axis: the fit, or the paper's value beside a refusal of the fit alone."""
     plain = {_axis(r): r for r in records if r["method"] == "paper"}
     fits = {_axis(r): r for r in records if r["method"] == "model_fit"}
-    both = [fits[a] if fits[a]["verdict"] == "ok" else plain[a] for a in fits if a in plain]
+    both = [plain[a] if fits[a]["reason"] in OF_THE_METHOD else fits[a] for a in fits if a in plain]
     return [record | {"method": "service"} for record in both]
 
 

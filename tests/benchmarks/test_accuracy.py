@@ -37,10 +37,11 @@ def test_the_limits_are_the_issues() -> None:
     assert limits(record("paper", 30e-6, None) | {"axes": 2}) == (1e-6, 0.5e-6)
 
 
-def test_the_service_reports_the_fit_or_else_the_plain_value() -> None:
+def test_the_service_reports_the_fit_or_the_plain_value_beside_a_refusal_of_the_fit_alone() -> None:
     both = [record("paper", 5e-5, 4.8e-5), record("model_fit", 5e-5, 5.01e-5)]
-    left = [record("paper", 6e-5, 5.8e-5), record("model_fit", 6e-5, None)]
-    assert [r["backlash_m"] for r in service([*both, *left])] == [5.01e-5, 5.8e-5]
+    left = [record("paper", 6e-5, 5.8e-5), record("model_fit", 6e-5, None) | {"reason": "interval_too_wide"}]
+    gone = [record("paper", 7e-5, 1.6e-5), record("model_fit", 7e-5, None) | {"reason": "gap_not_crossed"}]
+    assert [r["backlash_m"] for r in service([*both, *left, *gone])] == [5.01e-5, 5.8e-5, None]
 
 
 def test_the_whole_way_in_small(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -87,7 +87,7 @@ class PullAnalysis(Analysis):
                 one,
                 verdict="refused",
                 method="model_fit",
-                reason=Reason.MISFIT,
+                reason=Reason.TOO_FEW_STEPS,
                 detail="not fitted here",
                 backlash=None,
                 interval_95=None,

@@ -15,8 +15,10 @@ from drivers.sim.accelerometer_node import AccelerometerFaults
 from drivers.sim.drive_config import DriveFaults
 from service.app import House, house
 from service.backlash.estimate import immediate
+from service.backlash.results import AxisResult, Reason
 from service.captures import read_capture
 from service.demo import TRUTH, demo_settings, open_demo
+from service.runs.analysis import Analysis
 from service.store.records import AxisOutcome, Busy, Queued
 
 
@@ -142,3 +144,29 @@ def test_a_run_that_was_cut_short_is_failed_at_the_next_start(tmp_path: Path) ->
         assert isinstance(order, Queued)
     with house(settings, open_demo) as flankwatch:
         assert flankwatch.repository.run(order.run_id).state == "failed"
+
+
+class NothingCrosses(Analysis):
+    """The plain method sees a gap; the fit sees that no step has crossed it."""
+
+    def refined(self, path: Path, sha256: str) -> tuple[AxisResult, ...]:
+        detail = "The flanks changed sides in no step; the step is too short or slow for the gap."
+        axes = [one.axis for one in self.immediate(path, sha256)]
+        return tuple(AxisResult(a, "refused", "model_fit", Reason.GAP_NOT_CROSSED, detail) for a in axes)
+
+
+def test_a_value_that_the_fit_disproves_is_withdrawn_and_the_api_says_so(tmp_path: Path) -> None:
+    with (
+        house(demo_settings(tmp_path), open_demo, analysis=NothingCrosses) as flankwatch,
+        TestClient(flankwatch.web(), base_url="http://localhost") as client,
+    ):
+        number = run(flankwatch, "Y")
+        flankwatch.refinement.wait_idle()
+        shown = client.get(f"/api/v1/runs/{number}").json()
+        axis = client.get("/api/v1/axes/Y").json()
+    assert (shown["state"], shown["reason"]) == ("refused", "gap_not_crossed")
+    plain = next(one for one in shown["results"] if one["method"] == "paper")
+    assert f"the immediate value of {plain['backlash_m'] * 1e6:.1f} µm is withdrawn" in shown["detail"]
+    assert "changed sides in no step" in shown["detail"]
+    assert [one["method"] for one in shown["results"] if one["reported"]] == ["model_fit"]
+    assert axis["current"] is None
