@@ -10,7 +10,7 @@ nothing.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -35,12 +35,9 @@ one wave or less, of which these leave a fiftieth; faster ones hardly change bet
 
 
 def impurities(problem: Problem) -> tuple[DrivenEffect, ...]:
-    """What is freed beside the declared model: every axis' bent contact, and a single axis' mesh error over its
-    stroke."""
+    """What is freed beside the declared model: every axis' mesh error over its stroke, and its bent contact."""
     axes = problem.model.axes
-    if len(axes) > 1:
-        return (BentContact(axes),)
-    places = [motion[0](grid.time) for motion, grid in zip(problem.motion, problem.grids, strict=True)]
+    places = [one(grid.time) for motion, grid in zip(problem.motion, problem.grids, strict=True) for one in motion]
     low, high = min(float(p.min()) for p in places), max(float(p.max()) for p in places)
     return MeshError(axes, low, high - low), BentContact(axes)
 
@@ -53,10 +50,12 @@ class MeshError(DrivenEffect):
     Attributes
     ----------
     origin, length : the stroke of the recorded motors at the output [m]
+    width : of its prior, over that of `own`
     """
 
     origin: float
     length: float
+    width: float = 1.0
 
     name: ClassVar[str] = "mesh_error"
     means: ClassVar[str] = "the mesh of rack and pinion runs with a smooth error"
@@ -64,6 +63,12 @@ class MeshError(DrivenEffect):
         Parameter(f"mesh_{k}", "m", 0.0, MESH * min(1.0, 2.0 / k), logarithmic=False)
         for k in range(1, BOWS + 1)
     )
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Under the prior's own width."""
+        named = (p.of(axis) for axis in self.axes for p in self.own)
+        return tuple(replace(p, spread=self.width * p.spread) for p in named)
 
     def drive(self, c: FloatArray, case: Case) -> FloatArray:
         """Position, speed and acceleration of the error at the grid points; a polynomial between them."""

@@ -10,25 +10,43 @@ the backlash is their mean by those likelihoods (a hierarchical prior, its width
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from service.backlash.model_fit_impurities import MeshError
 from service.backlash.model_fit_interval import Linearised
 from service.backlash.model_fit_problem import Point
+from service.backlash.model_fit_problem import fit as fit_from
+from service.backlash.model_fit_stages import Outcome
+from service.dynamics.driven_model import Model
 from service.recording import FloatArray
 
 WIDTHS = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0)
 """Of the mesh errors' prior, over that of the fit. The least is 0.2 µm: it moves no backlash any more."""
 
+ROUNDS = 4
 
-def by_evidence(fit: Linearised, misfit: float) -> tuple[Linearised, FloatArray]:
-    """The linearised fit as the mean over the widths by their likelihood, and the variance of all shared coordinates
-    (P, P) that not knowing the width adds.
 
-    Residuals are taken as large as they are: the likelihood of a fit with a `misfit` above 1 is that much flatter.
+class Weighed(NamedTuple):
+    """What a linearised fit says under each of the W widths.
+
+    Attributes
+    ----------
+    share : (W,) how likely each is, together 1
+    moved : (W, P) what it moves the shared coordinates by
+    covariance : (W, P, P) of them at true noise
     """
-    u = fit.at.shared
-    mesh = np.array([".mesh_" in p.name for p in fit.problem.model.parameters])
+
+    share: FloatArray
+    moved: FloatArray
+    covariance: FloatArray
+
+
+def weighed(fit: Linearised, misfit: float) -> Weighed:
+    """Residuals are taken as large as they are: the likelihood of a fit with a `misfit` above 1 is that much flatter."""
+    u, mesh = fit.at.shared, meshes(fit.problem.model)
     information = np.linalg.inv(fit.covariance) / max(1.0, misfit)
     moved, covariances, weights = [], [], []
     for width in WIDTHS:
@@ -41,12 +59,35 @@ def by_evidence(fit: Linearised, misfit: float) -> tuple[Linearised, FloatArray]
         covariances.append(covariance / max(1.0, misfit))
         weights.append(volume - cost)
     share = np.exp(np.array(weights) - max(weights))
-    share /= np.sum(share)
-    mean = share @ np.stack(moved)
-    apart = np.stack(moved) - mean
+    return Weighed(share / np.sum(share), np.stack(moved), np.stack(covariances))
+
+
+def meshes(model: Model) -> NDArray[np.bool_]:
+    """(P,) which of the shared coordinates are mesh errors."""
+    return np.array([".mesh_" in p.name for p in model.parameters])
+
+
+def by_evidence(fit: Linearised, misfit: float) -> tuple[Linearised, FloatArray]:
+    """The linearised fit as the mean over the widths by their likelihood, and the variance of all shared coordinates
+    (P, P) that not knowing the width adds."""
+    share, moved, covariances = weighed(fit, misfit)
+    mean = share @ moved
+    apart = moved - mean
     steps = tuple(replace(step, r=step.r + step.cleared @ mean) for step in fit.steps)
-    covariance = np.tensordot(share, np.stack(covariances), 1)
+    covariance = np.tensordot(share, covariances, 1)
     return (
-        replace(fit, at=Point(u + mean, fit.at.local), steps=steps, covariance=covariance),
+        replace(fit, at=Point(fit.at.shared + mean, fit.at.local), steps=steps, covariance=covariance),
         np.asarray((share[:, None] * apart).T @ apart),
     )
+
+
+def narrowed(best: Outcome, fit: Linearised) -> Outcome:
+    """The best fit, found again under the likeliest width; `fit` is the linearised one."""
+    found, model = weighed(fit, best.fit.misfit), best.problem.model
+    likeliest = int(np.argmax(found.share))
+    width = WIDTHS[likeliest]
+    shared = best.fit.point.shared + found.moved[likeliest]
+    shared[meshes(model)] /= width
+    effects = tuple(replace(e, width=width) if isinstance(e, MeshError) else e for e in model.effects)
+    problem = replace(best.problem, model=replace(model, effects=effects))
+    return Outcome(problem, fit_from(problem, Point(shared, best.fit.point.local), ROUNDS, 0.3))

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from service.backlash.model_fit_problem import Point, fit
+from service.backlash.model_fit_problem import FAR, Point, fit
 from service.backlash.model_fit_stages import Outcome
 
 EXCLUDED = 6.0
@@ -22,6 +22,12 @@ DOUBLINGS = 4
 """Times that a held value is moved out, each twice as far as before."""
 
 ROUNDS = 6
+
+SETTLING = 3
+"""Rounds in which the initial states follow a machine that is led away."""
+
+ALIKE = 0.2
+"""Share by which the cost may differ from a parabola's."""
 
 TAIL = 0.025
 
@@ -60,10 +66,17 @@ def fallen(outcome: Outcome, name: str, value: float, step: float) -> dict[float
 
 
 def cost_held(outcome: Outcome, name: str, value: float) -> float:
-    """The least cost with the parameter held at a value."""
-    problem, at = outcome.problem, outcome.fit.point
+    """The least cost with the parameter held at a value: where the linear fit leads, if the cost there is a parabola's,
+    else by fitting everything else again."""
+    problem, at, covariance = outcome.problem, outcome.fit.point, outcome.fit.covariance
     k = [p.name for p in problem.model.parameters].index(name)
-    shared = at.shared.copy()
-    shared[k] = problem.model.parameters[k].internal(value)
+    away = float(problem.model.parameters[k].internal(value)) - at.shared[k]
+    following = np.clip(at.shared + covariance[:, k] / covariance[k, k] * away, -FAR, FAR)
+    following[k] = at.shared[k] + away
+    still = replace(problem, free=(False,) * len(problem.free))
+    found = fit(still, Point(following, at.local), SETTLING, 0.3)
+    rise, parabola = found.cost - outcome.fit.cost, 0.5 * away**2 / covariance[k, k]
+    if abs(rise - parabola) < ALIKE * parabola + 0.3:
+        return found.cost
     free = tuple(j != k and freed for j, freed in enumerate(problem.free))
-    return fit(replace(problem, free=free), Point(shared, at.local), ROUNDS, 0.3).cost
+    return fit(replace(problem, free=free), found.point, ROUNDS, 0.3).cost

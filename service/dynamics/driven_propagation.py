@@ -131,19 +131,35 @@ class LinearSystem:
         return self.motions * J + which
 
 
+WEIGHED = 6
+"""Rounds in which the bodies' weights in the bound of the fastest rate are found; more gain nothing."""
+
+
 def fastest(system: LinearSystem) -> FloatArray:
     """(S,) bound of the fastest rate of the system with every flank in contact [1/s]; states are positions, each
-    followed by its speed."""
+    followed by its speed.
+
+    The bound is a norm in which every body counts as much as it moves in the fastest mode: of a light body between
+    heavy ones, counted alike, it would be twice the rate, and every event would be looked for in twice as many pieces.
+    """
     n = system.n
     full = np.abs(system.A)
-    pressed = system.push[..., 1::2, None] * system.approach[..., None, :n]
-    stiff = full[:, 1::2, 0::2] + np.abs(system.k[:, :, None, None, None] * pressed[..., 0::2]).max(
-        axis=2
-    ).sum(axis=1)
-    loss = full[:, 1::2, 1::2] + np.abs(system.d[:, :, None, None, None] * pressed[..., 0::2]).max(
-        axis=2
-    ).sum(axis=1)
-    return np.asarray(np.sqrt(stiff.sum(axis=2).max(axis=1)) + loss.sum(axis=2).max(axis=1))
+    pressed = np.abs(system.push[..., 1::2, None] * system.approach[..., None, :n:2]).max(axis=2)
+    stiff = full[:, 1::2, 0::2] + np.einsum("sg,sgij->sij", np.abs(system.k), pressed)
+    loss = full[:, 1::2, 1::2] + np.einsum("sg,sgij->sij", np.abs(system.d), pressed)
+    both = sum(law / np.maximum(law.max(axis=(1, 2), keepdims=True), 1e-300) for law in (stiff, loss))
+    moves = np.ones((len(full), n // 2, 1))
+    bound = rate_in(stiff, loss, moves)
+    for _ in range(WEIGHED):
+        moves = moves + both @ moves
+        moves /= moves.max(axis=1, keepdims=True)
+    return np.minimum(bound, rate_in(stiff, loss, moves))
+
+
+def rate_in(stiff: FloatArray, loss: FloatArray, moves: FloatArray) -> FloatArray:
+    """The bound (S,) by laws (S, n/2, n/2) in the norm that weighs every body by how much it moves (S, n/2, 1)."""
+    squared, rate = ((law @ moves / moves).max(axis=(1, 2)) for law in (stiff, loss))
+    return np.asarray(np.sqrt(squared) + rate)
 
 
 KNOWN = 128
