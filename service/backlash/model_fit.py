@@ -10,11 +10,13 @@ covariance does not know: the misfit, the scatter of the steps and the spread ov
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from service.backlash.by_products import by_products
 from service.backlash.interval import half_width_95
+from service.backlash.model_fit_beside import Beside
 from service.backlash.model_fit_data import Measured, measure
 from service.backlash.model_fit_gantry import gantry_fit
 from service.backlash.model_fit_interval import (
@@ -25,7 +27,7 @@ from service.backlash.model_fit_interval import (
     noise_variance,
     structure_variance,
 )
-from service.backlash.model_fit_mesh_size import by_evidence, narrowed
+from service.backlash.model_fit_mesh_size import by_evidence, likeliest_width
 from service.backlash.model_fit_profile import widened
 from service.backlash.model_fit_single import single_fit
 from service.backlash.model_fit_stages import (
@@ -96,9 +98,10 @@ def model_fit_axes(recording: Recording, axis: str) -> dict[str, AxisResult]:
         staged = single_fit(measured, {axis: closed_form(recording, axis)}, SINGLE)
     else:
         staged = gantry_fit(measured, GANTRY)
-    fit = linearised(staged.best.problem, staged.best.fit.point)
-    profiled = narrowed(staged.best, fit) if len(axes) == 2 else None
-    return {name: judged(recording, measured, staged, fit, profiled, x) for x, name in enumerate(axes)}
+    best = staged.best
+    linear = linearised(best.problem, best.fit.point)
+    beside = Beside(best, linear, likeliest_width(linear, best.fit.misfit))
+    return {name: judged(recording, measured, staged, beside, x) for x, name in enumerate(axes)}
 
 
 def unfit_for_use(recording: Recording, axis: str, axes: tuple[str, ...]) -> AxisResult | None:
@@ -194,26 +197,18 @@ def interval_half_width(
     return half_width_95(float(np.sqrt(variance)), DEGREES, near, value)
 
 
-def judged(
-    recording: Recording,
-    measured: Measured,
-    staged: Staged,
-    linear: Linearised,
-    profiled: Outcome | None,
-    x: int,
-) -> AxisResult:
-    """Verdict, value and interval of axis x of the fit, which is given linearised; `profiled` is it again where the
-    backlash' neighbourhood has to be looked at."""
+def judged(recording: Recording, measured: Measured, staged: Staged, beside: Beside, x: int) -> AxisResult:
+    """Verdict, value and interval of axis x of the fit."""
     best, name = staged.best, staged.best.problem.model.axes[x]
     k = coordinate(best, x)
-    fit, spread = by_evidence(linear, best.fit.misfit)
+    fit, spread = by_evidence(beside.linear, best.fit.misfit)
     unsure = float(spread[k, k]) * fit.slope(k) ** 2
     value = float(best.problem.model.parameters[k].value(fit.at.shared[k]))
     steps = step_values(best, fit, x)
     half = interval_half_width(staged, fit, x, steps, unsure)
-    if profiled is not None and half < TOO_WIDE * value:
+    if len(best.problem.model.axes) == 2 and half < TOO_WIDE * value:
         # Where a partner holds the load a flank may be reached only just, in some steps, or in one direction.
-        value, half = widened(profiled, f"{name}.backlash", half)
+        value, half = widened(partial(beside.rise, k), value, half, best.fit.misfit)
     results = tuple(one_step(recording, steps, t) for t in range(len(recording.moves)))
     refusal = doubt(measured, best, x, steps) or wanting(value, half, steps)
     if refusal:

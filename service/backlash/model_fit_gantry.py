@@ -104,8 +104,7 @@ def simulated_from(measured: Measured, few: Problem, balanced: list[Fit], effort
         if ends[-1].fit.misfit < ENOUGH:
             break
     found = min(ends, key=lambda o: o.fit.cost).fit.point
-    whole, begin = with_impurities(heavy, Point(found.shared, repeated(heavy, found.local)))
-    last = over_all_steps(measured, whole, begin, effort)
+    last = over_all_steps(measured, heavy, Point(found.shared, repeated(heavy, found.local)), effort)
     return Staged(min(last, key=lambda o: o.fit.cost), last, [*starts, *ends])
 
 
@@ -160,8 +159,9 @@ def shared_otherwise(measured: Measured, found: Outcome, effort: Effort) -> Outc
 
 def over_all_steps(measured: Measured, problem: Problem, begin: Point, effort: Effort) -> list[Outcome]:
     """Passes over all steps, the motors' motion first reconstructed by the forces of the last pass, then following
-    them: the one settles from afar, the other holds where the load swings near half the rate of the samples."""
-    problem, at = settled(measured, problem, begin, SETTLED, with_reconstructed_motion)
+    them: the one settles from afar, the other holds where the load swings near half the rate of the samples. The axes'
+    impurities are freed with the machine."""
+    problem, at = with_impurities(*settled(measured, problem, begin, SETTLED, with_reconstructed_motion))
     plain = passes(measured, problem, at, effort.refine, with_reconstructed_motion)
     best = min(plain, key=lambda o: o.fit.cost)
     return plain + passes(

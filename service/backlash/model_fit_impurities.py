@@ -37,7 +37,9 @@ one wave or less, of which these leave a fiftieth; faster ones hardly change bet
 def impurities(problem: Problem) -> tuple[DrivenEffect, ...]:
     """What is freed beside the declared model: every axis' mesh error over its stroke, and its bent contact."""
     axes = problem.model.axes
-    places = [one(grid.time) for motion, grid in zip(problem.motion, problem.grids, strict=True) for one in motion]
+    places = [
+        one(grid.time) for motion, grid in zip(problem.motion, problem.grids, strict=True) for one in motion
+    ]
     low, high = min(float(p.min()) for p in places), max(float(p.max()) for p in places)
     return MeshError(axes, low, high - low), BentContact(axes)
 

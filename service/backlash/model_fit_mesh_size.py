@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from service.backlash.model_fit_impurities import MeshError
 from service.backlash.model_fit_interval import Linearised
-from service.backlash.model_fit_problem import Point
+from service.backlash.model_fit_problem import FAR, Point
 from service.backlash.model_fit_problem import fit as fit_from
 from service.backlash.model_fit_stages import Outcome
 from service.dynamics.driven_model import Model
@@ -45,7 +45,8 @@ class Weighed(NamedTuple):
 
 
 def weighed(fit: Linearised, misfit: float) -> Weighed:
-    """Residuals are taken as large as they are: the likelihood of a fit with a `misfit` above 1 is that much flatter."""
+    """The linearised fit under every width. Residuals are taken as large as they are: the likelihood of a fit with a
+    `misfit` above 1 is that much flatter."""
     u, mesh = fit.at.shared, meshes(fit.problem.model)
     information = np.linalg.inv(fit.covariance) / max(1.0, misfit)
     moved, covariances, weights = [], [], []
@@ -81,13 +82,15 @@ def by_evidence(fit: Linearised, misfit: float) -> tuple[Linearised, FloatArray]
     )
 
 
-def narrowed(best: Outcome, fit: Linearised) -> Outcome:
-    """The best fit, found again under the likeliest width; `fit` is the linearised one."""
-    found, model = weighed(fit, best.fit.misfit), best.problem.model
-    likeliest = int(np.argmax(found.share))
-    width = WIDTHS[likeliest]
-    shared = best.fit.point.shared + found.moved[likeliest]
-    shared[meshes(model)] /= width
+def likeliest_width(fit: Linearised, misfit: float) -> float:
+    """Of the mesh errors' prior, over that of the fit."""
+    return WIDTHS[int(np.argmax(weighed(fit, misfit).share))]
+
+
+def narrowed(best: Outcome, width: float) -> Outcome:
+    """The best fit, found again under a mesh errors' prior of another width."""
+    model, at = best.problem.model, best.fit.point
+    shared = np.where(meshes(model), np.clip(at.shared / width, -FAR, FAR), at.shared)
     effects = tuple(replace(e, width=width) if isinstance(e, MeshError) else e for e in model.effects)
     problem = replace(best.problem, model=replace(model, effects=effects))
-    return Outcome(problem, fit_from(problem, Point(shared, best.fit.point.local), ROUNDS, 0.3))
+    return Outcome(problem, fit_from(problem, Point(shared, at.local), ROUNDS, 0.3))

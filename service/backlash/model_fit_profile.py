@@ -8,12 +8,9 @@ interval is widened to hold it, and the value is its middle: the likeliest value
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
 
 import numpy as np
-
-from service.backlash.model_fit_problem import FAR, Point, fit
-from service.backlash.model_fit_stages import Outcome
 
 EXCLUDED = 6.0
 """Fall of the logarithm of the likelihood from which on a value is out of the question: 3.5 standard deviations."""
@@ -21,25 +18,16 @@ EXCLUDED = 6.0
 DOUBLINGS = 4
 """Times that a held value is moved out, each twice as far as before."""
 
-ROUNDS = 6
-
-SETTLING = 3
-"""Rounds in which the initial states follow a machine that is led away."""
-
-ALIKE = 0.2
-"""Share by which the cost may differ from a parabola's."""
-
 TAIL = 0.025
 
 POINTS = 2000
 """Of the density between the outermost values."""
 
 
-def widened(outcome: Outcome, name: str, half: float) -> tuple[float, float]:
-    """Value and half width [m] of the backlash `name` of a fit, whose interval is `half` [m] wide to either side where
-    the fit is a parabola."""
-    value = outcome.fit.value(outcome.problem.model, name)
-    fall = {0.0: 0.0} | fallen(outcome, name, value, -half) | fallen(outcome, name, value, half)
+def widened(rise: Callable[[float], float], value: float, half: float, misfit: float) -> tuple[float, float]:
+    """Value and half width [m] of a backlash whose interval is `half` [m] wide to either side where the fit is a
+    parabola; `rise` says how much more a value [m] costs, its residuals being as large as the misfit says."""
+    fall = {0.0: 0.0} | fallen(rise, value, -half, misfit) | fallen(rise, value, half, misfit)
     held = sorted(fall)
     beside = np.linspace(held[0], held[-1], POINTS)
     # Between two held values the root of a parabola is a straight line.
@@ -50,7 +38,7 @@ def widened(outcome: Outcome, name: str, half: float) -> tuple[float, float]:
     return value + 0.5 * (low + high), 0.5 * (high - low)
 
 
-def fallen(outcome: Outcome, name: str, value: float, step: float) -> dict[float, float]:
+def fallen(rise: Callable[[float], float], value: float, step: float, misfit: float) -> dict[float, float]:
     """How much the logarithm of the likelihood falls, the residuals being as large as they are, at distances [m] from
     the value in the direction of `step` [m]."""
     found: dict[float, float] = {}
@@ -58,25 +46,7 @@ def fallen(outcome: Outcome, name: str, value: float, step: float) -> dict[float
         beside = step * 2.0**doubling
         if value + beside <= 0.0:
             break
-        rise = cost_held(outcome, name, value + beside) - outcome.fit.cost
-        found[beside] = max(0.0, rise / max(1.0, outcome.fit.misfit))
+        found[beside] = max(0.0, rise(value + beside) / max(1.0, misfit))
         if found[beside] > EXCLUDED:
             break
     return found
-
-
-def cost_held(outcome: Outcome, name: str, value: float) -> float:
-    """The least cost with the parameter held at a value: where the linear fit leads, if the cost there is a parabola's,
-    else by fitting everything else again."""
-    problem, at, covariance = outcome.problem, outcome.fit.point, outcome.fit.covariance
-    k = [p.name for p in problem.model.parameters].index(name)
-    away = float(problem.model.parameters[k].internal(value)) - at.shared[k]
-    following = np.clip(at.shared + covariance[:, k] / covariance[k, k] * away, -FAR, FAR)
-    following[k] = at.shared[k] + away
-    still = replace(problem, free=(False,) * len(problem.free))
-    found = fit(still, Point(following, at.local), SETTLING, 0.3)
-    rise, parabola = found.cost - outcome.fit.cost, 0.5 * away**2 / covariance[k, k]
-    if abs(rise - parabola) < ALIKE * parabola + 0.3:
-        return found.cost
-    free = tuple(j != k and freed for j, freed in enumerate(problem.free))
-    return fit(replace(problem, free=free), found.point, ROUNDS, 0.3).cost
