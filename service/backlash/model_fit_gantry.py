@@ -19,16 +19,14 @@ from service.backlash.model_fit_motion import with_following_motors
 from service.backlash.model_fit_problem import Fit, Point, Problem, fit
 from service.backlash.model_fit_stages import (
     NEARER,
-    ONLY_NOISE,
-    SHARINGS,
     Effort,
     Outcome,
     Staged,
+    best_shared_out,
     local_spread,
     passes,
     repeated,
     settled,
-    shared_out,
     split,
     with_impurities,
 )
@@ -103,8 +101,10 @@ def simulated_from(measured: Measured, few: Problem, balanced: list[Fit], effort
         ends.append(with_gear_and_pinion(measured, heavy, start, effort))
         if ends[-1].fit.misfit < ENOUGH:
             break
-    found = min(ends, key=lambda o: o.fit.cost).fit.point
-    last = over_all_steps(measured, heavy, Point(found.shared, repeated(heavy, found.local)), effort)
+    found = min(ends, key=lambda o: o.fit.cost)
+    whole = replace(heavy, model=found.problem.model, free=found.problem.free)
+    at = Point(found.fit.point.shared, repeated(whole, found.fit.point.local))
+    last = over_all_steps(measured, whole, at, effort)
     return Staged(min(last, key=lambda o: o.fit.cost), last, [*starts, *ends])
 
 
@@ -136,32 +136,23 @@ def balanced_fits(few: Problem, effort: Effort) -> list[Fit]:
 
 
 def with_gear_and_pinion(measured: Measured, heavy: Problem, start: Outcome, effort: Effort) -> Outcome:
-    """The fit of a few steps with two lumps per drive, from one with one and its motors' motion."""
+    """The fit of a few steps with two lumps per drive, from one with one and its motors' motion; then with what the
+    axes do beyond the paper's model, and from drives that are as soft and heavy, differently shared out."""
     few = replace(heavy.first_steps(SEARCH_STEPS), motion=start.problem.motion, force=start.problem.force)
     begin = Point(split(start.problem.model, start.fit, heavy.model), start.fit.point.local)
     tried = passes(measured, few, begin, effort.heavier, with_reconstructed_motion, STILL)
-    return shared_otherwise(measured, min(tried, key=lambda o: o.fit.cost), effort)
-
-
-def shared_otherwise(measured: Measured, found: Outcome, effort: Effort) -> Outcome:
-    """The best of a fit and of fits from drives that are as soft and heavy, differently shared out."""
-    if found.fit.misfit < ONLY_NOISE:
-        return found
-    at, model = found.fit.point, found.problem.model
-    others = [Point(shared_out(model, at.shared, *way), at.local) for way in SHARINGS]
-    fits = [fit(found.problem, other, effort.brief, 0.3) for other in others]
-    best = min(fits, key=lambda f: f.cost)
-    if best.cost > found.fit.cost:
-        return found
-    tried = passes(measured, found.problem, best.point, effort.heavier, with_reconstructed_motion, STILL)
-    return min((found, *tried), key=lambda o: o.fit.cost)
+    found = min(tried, key=lambda o: o.fit.cost)
+    shared = best_shared_out(*with_impurities(found.problem, found.fit.point), effort)
+    tried = passes(
+        measured, shared.problem, shared.fit.point, effort.heavier, with_reconstructed_motion, STILL
+    )
+    return min((shared, *tried), key=lambda o: o.fit.cost)
 
 
 def over_all_steps(measured: Measured, problem: Problem, begin: Point, effort: Effort) -> list[Outcome]:
     """Passes over all steps, the motors' motion first reconstructed by the forces of the last pass, then following
-    them: the one settles from afar, the other holds where the load swings near half the rate of the samples. The axes'
-    impurities are freed with the machine."""
-    problem, at = with_impurities(*settled(measured, problem, begin, SETTLED, with_reconstructed_motion))
+    them: the one settles from afar, the other holds where the load swings near half the rate of the samples."""
+    problem, at = settled(measured, problem, begin, SETTLED, with_reconstructed_motion)
     plain = passes(measured, problem, at, effort.refine, with_reconstructed_motion)
     best = min(plain, key=lambda o: o.fit.cost)
     return plain + passes(
