@@ -101,11 +101,11 @@ def simulated_from(measured: Measured, few: Problem, balanced: list[Fit], effort
         ends.append(with_gear_and_pinion(measured, heavy, start, effort))
         if ends[-1].fit.misfit < ENOUGH:
             break
-    found = min(ends, key=lambda o: o.fit.cost)
+    found = impure(measured, min(ends, key=lambda o: o.fit.cost), effort)
     whole = replace(heavy, model=found.problem.model, free=found.problem.free)
     at = Point(found.fit.point.shared, repeated(whole, found.fit.point.local))
     last = over_all_steps(measured, whole, at, effort)
-    return Staged(min(last, key=lambda o: o.fit.cost), last, [*starts, *ends])
+    return Staged(min(last, key=lambda o: o.fit.cost), last, [*starts, *ends, found])
 
 
 def starts_of(measured: Measured, few: Problem, balanced: list[Fit], effort: Effort) -> list[Outcome]:
@@ -136,12 +136,16 @@ def balanced_fits(few: Problem, effort: Effort) -> list[Fit]:
 
 
 def with_gear_and_pinion(measured: Measured, heavy: Problem, start: Outcome, effort: Effort) -> Outcome:
-    """The fit of a few steps with two lumps per drive, from one with one and its motors' motion; then with what the
-    axes do beyond the paper's model, and from drives that are as soft and heavy, differently shared out."""
+    """The fit of a few steps with two lumps per drive, from one with one and its motors' motion."""
     few = replace(heavy.first_steps(SEARCH_STEPS), motion=start.problem.motion, force=start.problem.force)
     begin = Point(split(start.problem.model, start.fit, heavy.model), start.fit.point.local)
     tried = passes(measured, few, begin, effort.heavier, with_reconstructed_motion, STILL)
-    found = min(tried, key=lambda o: o.fit.cost)
+    return min(tried, key=lambda o: o.fit.cost)
+
+
+def impure(measured: Measured, found: Outcome, effort: Effort) -> Outcome:
+    """The fit of a few steps with what the axes do beyond the paper's model, the best of it and of drives that are as
+    soft and heavy, differently shared out."""
     shared = best_shared_out(*with_impurities(found.problem, found.fit.point), effort)
     tried = passes(
         measured, shared.problem, shared.fit.point, effort.heavier, with_reconstructed_motion, STILL
