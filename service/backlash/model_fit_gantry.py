@@ -4,8 +4,8 @@ Simulated from a wrong machine, the two sides of a gantry soon do something else
 local fit finds back. So the search begins along the loads' *measured* motion, on which forces are balanced and
 nothing is simulated; there fits are cheap and minima few. The forces needed for that motion say at the same time how
 the motors moved between their samples. Then the machine is simulated: with one mass per drive, which has fewer
-minima, then with gear and pinion, and with what the axes do beyond the paper's model, first on a few steps, then on all. It
-takes some 10 s on one core, three times that where several starts have to be carried on.
+minima, then with gear and pinion, and with what the axes do beyond the paper's model, first on a few steps, then on
+all. It takes some 10 s on one core, three times that where several starts have to be carried on.
 """
 
 from __future__ import annotations
