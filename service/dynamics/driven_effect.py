@@ -1,7 +1,8 @@
 """What an effect on the driven model is: a small class that declares its parameters and adds what the model lacks.
 
 Simulating calls an effect's hooks in this order: `restate`, `drive`, `follow`, `carry`, `assemble`, `begin`,
-`measure`. What an effect does not override leaves the model as it is. With all its amounts at 0 an effect is absent.
+`measure`; `swinging`, `carried` and `swung` say how the step after it begins. What an effect does not override leaves
+the model as it is. With all its amounts at 0 an effect is absent.
 """
 
 from __future__ import annotations
@@ -147,6 +148,21 @@ class DrivenEffect:
     def measure(self, predicted: FloatArray, case: Case) -> FloatArray:
         """What the sensors make of the accelerations (S, T, X, K)."""
         return predicted
+
+    def swinging(self, states: FloatArray, case: Case, room: Room) -> Mapping[str, FloatArray]:
+        """Those of its own coordinates of a step that begins in these states (S, T, n) that last from one step to the
+        next: (S, T) each, in their units."""
+        return {}
+
+    def carried(self, states: FloatArray, case: Case, room: Room) -> FloatArray:
+        """The states (S, T, n) with what `begin` adds to the loads taken off again."""
+        return states
+
+    def swung(
+        self, values: Values, begun: Mapping[str, FloatArray], duration: FloatArray
+    ) -> Mapping[str, FloatArray]:
+        """What becomes of the coordinates of `swinging` (T,) while the axis rests for a time (T,) [s]: (S, T) each."""
+        return {}
 
     def each(self, model: Structure) -> list[tuple[int, str, int]]:
         """Its axes: place among the effect's axes, name, place among the model's."""

@@ -16,12 +16,15 @@ from service.identification.moves_fit import (
     Point,
     as_alike_moves,
     best_of_each,
+    every,
     fit,
     found_again,
+    jacobian,
     reconstructed,
     resting,
     rests_found,
 )
+from service.identification.moves_rests import KNOWN, how_known, swinging_on, swings_at_all
 from service.identification.scene import Scene
 from service.identification.selection import Trial, independent_samples
 from service.recording import FloatArray
@@ -34,11 +37,11 @@ PARTS = 5
 
 @dataclass(frozen=True)
 class Held:
-    """A model on the held-out moves: their (reconstructed) motion, zeros found again, prediction (T, X, K)."""
+    """What a model predicts for the held-out moves (T, X, K), and what it doubts of that, over the expected errors."""
 
     moves: Moves
-    local: FloatArray
     predicted: FloatArray
+    doubted: FloatArray
 
     @property
     def errors(self) -> FloatArray:
@@ -49,7 +52,12 @@ class Held:
     @property
     def weighed(self) -> FloatArray:
         """(T, X, K) over the standard deviation that is expected."""
-        return np.asarray(self.errors / self.moves.expected)
+        return np.asarray(self.errors / (self.moves.expected * np.hypot(1.0, self.doubted)))
+
+    @property
+    def doubt(self) -> float:
+        """Geometric mean of what the doubts add to the standard deviation that is expected."""
+        return float(np.exp(np.mean(np.log(np.hypot(1.0, self.doubted[self.moves.used])))))
 
 
 @dataclass(frozen=True)
@@ -72,7 +80,10 @@ def held_out(validate: Moves, found: Fitted, thorough: bool = True) -> Held:
     """
     moves, model, free = validate, found.model, found_again(found.model)
     at = Point(found.at.shared, resting([moves], model))
-    for _ in range(2 if thorough else 1):
+    again, known = len(KNOWN) if swings_at_all(model) else 2, how_known(found.moves)
+    for _ in KNOWN:
+        (moves,), _ = swinging_on([moves], model, at, known)
+    for _ in range(again if thorough else 1):
         early = [early_part(moves, EARLY)]
         at = (
             zeros_found(early, model, at, free)
@@ -81,10 +92,39 @@ def held_out(validate: Moves, found: Fitted, thorough: bool = True) -> Held:
         )
         if thorough:
             (moves,) = reconstructed(replace(found, moves=(moves,), at=at), follow=False)
+            (moves,), at = swinging_on([moves], model, at, known)
     if thorough:
         at = fit([early_part(moves, EARLY)], model, at, 8, free=free).at
     predicted = predict(moves, model, at.shared[None], at.local[0][None]).acceleration()[0]
-    return Held(moves, at.local[0], np.nan_to_num(predicted, nan=1e6))
+    return Held(validate, np.nan_to_num(predicted, nan=1e6), doubts(moves, found, at))
+
+
+def doubts(moves: Moves, found: Fitted, at: Point) -> FloatArray:
+    """Standard deviation of a prediction (T, X, K), over the errors that are expected of a known model: what the train
+    moves do not tell of its numbers, and the first part of each held-out move not of its zeros."""
+    _, slopes = jacobian([moves], found.model, at, every(found.model))
+    early = np.zeros(moves.used.shape, dtype=bool)
+    part = early_part(moves, EARLY).used
+    early[..., : part.shape[-1]] = part
+    early = early[moves.used]
+    known, again = told_by_train(found), found_again(found.model)
+    known[again] = known[:, again] = 0.0
+    variance = np.zeros(len(early))
+    for rows, _ in slopes.moves():
+        shared, own, first = slopes.shared[rows], slopes.own[rows], early[rows]
+        told = np.linalg.inv(own[first].T @ own[first] + np.eye(own.shape[1]))
+        left = shared - own @ (told @ (own[first].T @ shared[first]))
+        variance[rows] = np.sum((left @ known) * left, axis=1) + np.sum((own @ told) * own, axis=1)
+    out = np.zeros(moves.used.shape)
+    out[moves.used] = np.sqrt(np.maximum(variance, 0.0))
+    return out
+
+
+def told_by_train(found: Fitted) -> FloatArray:
+    """(P, P) covariance of the shared coordinates by the noise alone: a misfit is no doubt."""
+    P = len(found.model.parameters)
+    information, _ = found.slopes.normal(found.r)
+    return np.asarray(np.linalg.inv(information + np.eye(len(information)))[:P, :P])
 
 
 def zeros_found(moves: Sequence[Moves], model: Model, at: Point, free: Free) -> Point:
@@ -93,7 +133,8 @@ def zeros_found(moves: Sequence[Moves], model: Model, at: Point, free: Free) -> 
     def fits(starts: Sequence[Point]) -> list[Fitted]:
         return [fit(moves, model, one, 12, free=free, tolerance=0.05) for one in starts]
 
-    first = fits((at, rests_found(moves, model, at)))
+    as_left = (Point(at.shared, resting(moves, model)),) if swings_at_all(model) else ()
+    first = fits((at, rests_found(moves, model, at), *as_left))
     best = min(first, key=lambda f: f.rms)
     again = fits((rests_found(moves, model, best.at), as_alike_moves(best)))
     return best_of_each(sorted(first + again, key=lambda f: f.rms))
@@ -103,7 +144,8 @@ def trial_of(scene: Scene, found: Fitted, thorough: bool = True) -> Trial[Explai
     """A fit with its errors on the held-out moves, over what is expected of them, in blocks of a fifth of a move."""
     held = held_out(scene.validate, found, thorough)
     errors = held.weighed
-    blocks = [float(np.nansum(part**2)) for move in errors for part in np.array_split(move, PARTS, axis=-1)]
+    over = held.doubt * errors
+    blocks = [float(np.nansum(part**2)) for move in over for part in np.array_split(move, PARTS, axis=-1)]
     flat = errors[np.isfinite(errors)]
     return Trial(
         Explained(found, held),
@@ -112,4 +154,5 @@ def trial_of(scene: Scene, found: Fitted, thorough: bool = True) -> Trial[Explai
         np.array(blocks),
         np.zeros(0),
         independent_samples(flat),
+        held.doubt,
     )

@@ -7,12 +7,13 @@ in every move is where the pinion rests in its gap, and what an effect says has 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import PPoly
+from scipy.stats import norm
 
 from service.backlash.model_fit_data import KEPT, acceleration_of, bias_at_rest, reconstructed
 from service.dynamics.driven import Course, course_of
@@ -29,12 +30,39 @@ from service.recording import FloatArray, Recording, Trace
 
 LEAD = 0.002
 """Time simulated before a move begins [s]: the axis is at rest there."""
+STILL = 1.5
+"""Spread of the sensor's samples in a rest, over their noise, from which on something swings there."""
 REST_SPREAD = np.array([6e-5, 5e-4])
 """Prior of the load's position [m] and speed [m/s] at the start of a move, against the driving flank: anywhere in a
 gap of some 10 to 200 µm, and nearly at rest."""
 
 TOGETHER = 16
 """Sets simulated in one pass: more gain no speed and cost 0.5 to 1 MB each."""
+
+
+@dataclass(frozen=True)
+class Swings:
+    """What the moves leave swinging, by the name of an effect's coordinate of a move.
+
+    Attributes
+    ----------
+    loads : (T, 2·X) coordinates of the loads' position and speed at the beginning of each move, from which the move's
+        own count
+    width : (T,) share of its prior's width that is left of a swing's coordinate: the first move's is not known
+    released : (T,) each, what the move before let go at its end such that it becomes in a free swing what is found at
+        the beginning of the move
+    rest : (T,) time between the two [s]
+    """
+
+    loads: FloatArray
+    width: FloatArray
+    released: Mapping[str, FloatArray]
+    rest: FloatArray
+
+    def of(self, kept: slice) -> Swings:
+        """Those of some moves."""
+        released = {name: value[kept] for name, value in self.released.items()}
+        return Swings(self.loads[kept], self.width[kept], released, self.rest[kept])
 
 
 @dataclass(frozen=True)
@@ -51,6 +79,7 @@ class Moves:
         which it was reconstructed; none where it does not follow
     bias : (T, X) what the sensor said at rest around each move [m/s²], taken off
     expected : (T, X, K) standard deviation over the noise that a right model's residual is expected to have
+    swings : what still swings at the beginning of each move, if the move before left it; none: not known
     """
 
     recording: Recording
@@ -63,6 +92,7 @@ class Moves:
     expected: FloatArray
     echoes: tuple[tuple[Echo, ...], ...] = ()
     reference: FloatArray | None = None
+    swings: Swings | None = None
 
     @property
     def h(self) -> float:
@@ -80,6 +110,12 @@ class Moves:
     def start(self) -> FloatArray:
         return np.array([grid.start for grid in self.grids])
 
+    @property
+    def loads(self) -> FloatArray:
+        """(T, 2·X) coordinates of the loads from which each move's own count; by default at the driving flank, at
+        rest."""
+        return np.zeros((len(self.grids), 2 * len(self.axes))) if self.swings is None else self.swings.loads
+
     @cached_property
     def used(self) -> FloatArray:
         """(T, X, K) bool: which samples are compared."""
@@ -92,21 +128,38 @@ class Moves:
 
 
 def noise_at_rest(trace: Trace, recording: Recording) -> float:
-    """Standard deviation of one sample at rest, in the trace's unit, from fourth differences, in which a swing of the
-    machine does not count; the median over the rests, so that one disturbed rest does not."""
+    """Standard deviation of one sample at rest, in the trace's unit, from the median size of fourth differences, in
+    which neither a swing of the machine nor a few impacts count; the median over the rests, so that one disturbed rest
+    does not."""
     spreads = []
     for move in recording.moves:
         part = trace.between(move.start - 0.15, move.start - 0.002).value
         if len(part) > 30:
-            spreads.append(float(np.sqrt(np.mean(np.diff(part, n=4) ** 2) / 70.0)))
+            fourth = np.diff(part, n=4) / np.sqrt(70.0)
+            typical = float(np.median(np.abs(fourth))) / norm.ppf(0.75)
+            spreads.append(typical or float(np.sqrt(np.mean(fourth**2))))
     return float(np.median(spreads))
+
+
+def sensor_zero(trace: Trace, recording: Recording, noise: float) -> float:
+    """What the sensor says at rest [m/s²]. Where something swings in the rests, it is the mean of the whole recording:
+    an axis that stands at its beginning and at its end has no mean acceleration."""
+    parts = [trace.between(move.start - 0.15, move.start).value for move in recording.moves]
+    spread = np.median([float(np.std(part)) for part in parts if len(part) > 10] or [0.0])
+    if spread < STILL * noise:
+        return bias_at_rest(trace, recording.moves)
+    length = float(trace.time[-1] - trace.time[0])
+    return float(np.trapezoid(trace.value, trace.time)) / length
 
 
 def moves_of(recording: Recording, axes: Sequence[str]) -> Moves:
     """The grids, the noise and the plain motor motion of all moves of a recording."""
     traces = [acceleration_of(recording, axis) for axis in axes]
     h = sample_period(traces[0])
-    bias = np.array([bias_at_rest(trace, recording.moves) for trace in traces])
+    noise = np.array([noise_at_rest(trace, recording) for trace in traces])
+    bias = np.array(
+        [sensor_zero(trace, recording, float(sigma)) for trace, sigma in zip(traces, noise, strict=True)]
+    )
     plain = tuple(
         plain_motion(recording.traces[a, "motor_speed"], recording.axis(a).transmission) for a in axes
     )
@@ -118,7 +171,6 @@ def moves_of(recording: Recording, axes: Sequence[str]) -> Moves:
         measured = np.stack([on_grid(trace, start, h, K) for trace in traces]) - bias[:, None]
         during = [on_grid(trace.between(move.start, move.end), start, h, K) for trace in traces]
         grids.append(StepGrid(index, move.direction, start, h, measured, np.isfinite(np.stack(during))))
-    noise = np.array([noise_at_rest(trace, recording) for trace in traces])
     motion = tuple(plain for _ in grids)
     expected = np.ones((len(grids), len(axes), K))
     rest = np.tile(bias, (len(grids), 1))
@@ -150,6 +202,7 @@ def some_of(moves: Moves, count: int) -> Moves:
         expected=moves.expected[kept],
         echoes=moves.echoes[kept],
         reference=None if moves.reference is None else moves.reference[kept],
+        swings=None if moves.swings is None else moves.swings.of(kept),
     )
 
 
@@ -179,19 +232,32 @@ def free_values(model: Model, shared: FloatArray) -> Values:
 
 
 def simulated(moves: Moves, model: Model, shared: FloatArray, local: FloatArray, c: FloatArray) -> Course:
-    """As `predict`, for a given motion of the motors c (S, T, K, X, 5)."""
+    """As `predict`, for a given motion of the motors c (S, T, K, X, 5), whose K may go beyond the moves' end."""
     free = free_values(model, shared)
     values = model.complete(free)
     S, X = len(shared), len(model.axes)
     load = np.empty((S, len(moves.grids), X, 2))
+    own = local[:, :, : 2 * X] + moves.loads
     for x, name in enumerate(model.axes):
         behind = 0.5 * moves.s * values[f"{name}.backlash"][:, None]
-        load[:, :, x, 0] = c[:, :, 0, x, 0] - behind + local[:, :, 2 * x] * REST_SPREAD[0]
-        load[:, :, x, 1] = c[:, :, 0, x, 1] + local[:, :, 2 * x + 1] * REST_SPREAD[1]
+        load[:, :, x, 0] = c[:, :, 0, x, 0] - behind + own[:, :, 2 * x] * REST_SPREAD[0]
+        load[:, :, x, 1] = c[:, :, 0, x, 1] + own[:, :, 2 * x + 1] * REST_SPREAD[1]
     nuisance = np.empty((S, len(moves.grids), len(model.nuisance)))
+    begun = left_over(moves, model, values)
     for k, p in enumerate(model.nuisance):
-        nuisance[..., k] = p.value(local[..., 2 * X + k])
+        width = moves.swings.width if moves.swings and p.name in begun else 1.0
+        nuisance[..., k] = p.value(width * local[..., 2 * X + k]) + begun.get(p.name, 0.0)
     return course_of(model, free, c, moves.s, load, moves.h, nuisance, moves.start)
+
+
+def left_over(moves: Moves, model: Model, values: Values) -> dict[str, FloatArray]:
+    """What the moves before leave swinging at the beginning of each move: (S, T) by name, in their units."""
+    out: dict[str, FloatArray] = {}
+    if (swings := moves.swings) is not None:
+        for effect in model.effects:
+            if effect.states:
+                out.update(effect.swung(values, swings.released, swings.rest))
+    return out
 
 
 def residuals(moves: Moves, said: Course) -> FloatArray:

@@ -274,8 +274,8 @@ def rests_found(moves: Sequence[Moves], model: Model, at: Point) -> Point:
             k = [p.name for p in model.parameters].index(f"{axis}.backlash")
             gap = float(model.parameters[k].value(at.shared[k]))
             for j, share in enumerate(REST_PLACES):
-                tried[j, :, 2 * x] = part.s * share * gap / REST_SPREAD[0]
-                tried[j, :, 2 * x + 1] = 0.0
+                tried[j, :, 2 * x] = part.s * share * gap / REST_SPREAD[0] - part.loads[:, 2 * x]
+                tried[j, :, 2 * x + 1] = -part.loads[:, 2 * x + 1]
             with np.errstate(all="ignore"):
                 said = predict(part, model, sets, tried)
             error = np.where(part.used, (part.measured - said.acceleration()) / part.noise[:, None], 0.0)

@@ -21,6 +21,7 @@ from service.identification.moves_fit import (
     values_at,
     width,
 )
+from service.identification.moves_rests import KNOWN, how_known, swinging_on, swings_at_all
 from service.identification.moves_starts import (
     BRIEF,
     PUT_BACK,
@@ -47,6 +48,8 @@ MORE, GAIN = 3, 0.005
 """How often a fit is continued, and the share of its RMS that it must gain to be continued again."""
 ENDED, HOPELESS = 1.05, 4.0
 """RMS up to which a fit need not be begun elsewhere, and from which on more rounds do not help."""
+WORSE = 1.02
+"""How much farther from the moves a fit may be that takes from the rests what swings."""
 FAR_OFF = 2.0
 """How much farther from a few moves than the best of all candidates one may be and still be fitted to all moves."""
 RIVAL = 0.75
@@ -104,12 +107,25 @@ def settled(found: Fitted, rounds: int) -> Fitted:
     """The fit continued with the motors' motion reconstructed from it. One that is not near begins once more with the
     numbers put back that a wrong model drives into a corner."""
     moves = reconstructed(found)
-    on = fit(moves, found.model, found.at, rounds)
+    on = swung_in(moves, found.model, found.at, rounds)
     if on.rms < ENDED:
         return on
     put_back = {name: v for name, v in values_at(found).items() if not name.endswith(PUT_BACK)}
-    again = fit(moves, found.model, begun_at(moves, found.model, put_back, found.at.local), rounds)
+    again = swung_in(on.moves, found.model, begun_at(on.moves, found.model, put_back, on.at.local), rounds)
     return min(on, again, key=lambda f: f.rms)
+
+
+def swung_in(moves: Sequence[Moves], model: Model, at: Point, rounds: int) -> Fitted:
+    """The fit continued, every move beginning as the move before it left what swings, the more closely the better that
+    is known: as long as the moves are described as well."""
+    found = fit(moves, model, at, rounds)
+    for known in KNOWN if swings_at_all(model) else ():
+        moves, at = swinging_on(found.moves, model, found.at, min(known, how_known(found.moves)))
+        closer = fit(moves, model, at, rounds)
+        if closer.rms > WORSE * found.rms:
+            break
+        found = closer
+    return found
 
 
 def propose(

@@ -39,7 +39,9 @@ ModelT = TypeVar("ModelT")
 class Trial(Generic[ModelT]):
     """A fitted model with its errors: sums of squares (blocks,) on validate and on left-out parts of train.
 
-    ``independent`` is the number of independent samples in the validate residual.
+    ``independent`` is the number of independent samples in the validate residual. ``validation_rms`` is over the errors
+    that are expected; ``doubt`` is the geometric mean of what the model's own doubts add to them, by which models are
+    compared: an error that a model announces counts less, and the announcement counts against it.
     """
 
     model: ModelT
@@ -48,6 +50,13 @@ class Trial(Generic[ModelT]):
     validation_blocks: FloatArray
     inner_blocks: FloatArray
     independent: float
+    doubt: float = 1.0
+
+    @property
+    def held_rms(self) -> float:
+        """The held-out error by which models are compared: its logarithm is the predictive likelihood's, with the
+        scale of all errors free."""
+        return self.validation_rms * self.doubt
 
     @property
     def held_out(self) -> FloatArray:
@@ -84,7 +93,7 @@ def explained(before: Trial[ModelT], after: Trial[ModelT]) -> bool:
 
 def distance(trial: Trial[ModelT]) -> float:
     """How far a model is from all moves, by the likelihood: the logarithms of the errors add up."""
-    return trial.train_rms * trial.validation_rms
+    return trial.train_rms * trial.held_rms
 
 
 def gain_p_value(before: Trial[ModelT], after: Trial[ModelT]) -> float:
@@ -101,7 +110,7 @@ def gain_p_value(before: Trial[ModelT], after: Trial[ModelT]) -> float:
     error = max(float(np.std(gain, ddof=1)), 1e-9 * float(np.abs(gain).mean())) / np.sqrt(len(gain))
     by_mean = float(student_t.sf(float(gain.mean()) / error, len(gain) - 1))
     samples = min(before.independent, after.independent)
-    evidence = samples * np.log(before.validation_rms / max(after.validation_rms, 1e-300))
+    evidence = samples * np.log(before.held_rms / max(after.held_rms, 1e-300))
     return min(1.0, 3.0 * min(by_rank, by_mean, float(np.exp(-max(0.0, evidence)))))
 
 
@@ -179,7 +188,7 @@ def _without_containing(
         name
         for name in passed
         if all(
-            trials[name].validation_rms < (1.0 - share) * trials[inner].validation_rms
+            trials[name].held_rms < (1.0 - share) * trials[inner].held_rms
             for inner in contains(name)
             if inner in passed
         )
@@ -196,11 +205,11 @@ def _only(best: str, candidate: Candidate) -> Candidate:
 
 def _judge(name: str, before: Trial[ModelT], after: Trial[ModelT], tried: int, share: float) -> Candidate:
     p_value = min(1.0, tried * gain_p_value(before, after))
-    material = after.validation_rms < (1.0 - share) * before.validation_rms
+    material = after.held_rms < (1.0 - share) * before.held_rms
     honest = after.inner_blocks.sum() <= before.inner_blocks.sum()
     if not material:
         gained = after.train_rms < before.train_rms
-        worse = after.validation_rms > before.validation_rms
+        worse = after.held_rms > before.held_rms
         why = "lowers the train error and raises the held-out one" if gained and worse else "no material gain"
     elif not honest:
         why = "gains nothing on left-out parts of the train recordings"
@@ -209,10 +218,10 @@ def _judge(name: str, before: Trial[ModelT], after: Trial[ModelT], tried: int, s
     else:
         why = "significant and material on held-out moves"
     accepted = bool(material and honest and p_value < LEVEL)
-    return Candidate(name, after.validation_rms, p_value, accepted, why)
+    return Candidate(name, after.held_rms, p_value, accepted, why)
 
 
 def _alike(best: Trial[ModelT], other: Trial[ModelT]) -> bool:
     """Two explanations are alike when neither has the smaller held-out error beyond chance and 2 %."""
-    close = other.validation_rms < (1.0 + MATERIAL) * best.validation_rms
+    close = other.held_rms < (1.0 + MATERIAL) * best.held_rms
     return bool(close and gain_p_value(other, best) > LEVEL)

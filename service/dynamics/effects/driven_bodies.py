@@ -10,10 +10,11 @@ import numpy as np
 
 from service.dynamics.driven_effect import Case, DrivenEffect, Room
 from service.dynamics.driven_model import add_bridge
-from service.dynamics.driven_parameters import BRIDGE_PARAMETERS, Parameter
+from service.dynamics.driven_parameters import BRIDGE_PARAMETERS, Parameter, Values
 from service.dynamics.driven_propagation import LinearSystem
 from service.recording import FloatArray
 
+SWING = ("displacement", "speed")
 WANDERING = 1e-6
 """What integrated speeds are off from move to move [m], about: some seconds of 1 kHz samples with a noise and a
 resolution of 0.05 rpm each wander by half of it, and the impacts between the samples add as much."""
@@ -30,10 +31,30 @@ def swing(prefix: str, largest: float) -> tuple[Parameter, ...]:
 
 def at_rest(prefix: str) -> tuple[Parameter, ...]:
     """What still swings at the first grid point of a step: found again in each."""
-    return (
-        Parameter(f"{prefix}_displacement", "m", 0.0, 1e-4, logarithmic=False, found_again=True),
-        Parameter(f"{prefix}_speed", "m/s", 0.0, 1e-2, logarithmic=False, found_again=True),
+    units = (("m", 1e-4), ("m/s", 1e-2))
+    return tuple(
+        Parameter(f"{prefix}_{name}", unit, 0.0, spread, logarithmic=False, found_again=True)
+        for name, (unit, spread) in zip(SWING, units, strict=True)
     )
+
+
+def free_swing(
+    prefix: str, law: tuple[FloatArray, FloatArray], begun: Mapping[str, FloatArray], duration: FloatArray
+) -> dict[str, FloatArray]:
+    """Displacement and speed (S, T) of an oscillator a time (T,) [s] after it was let go (T,) each, or before it.
+
+    law : frequency without damping [Hz] and damping ratio, (S,) each
+    """
+    omega, zeta = 2.0 * np.pi * law[0][:, None], np.minimum(law[1], 0.99)[:, None]
+    x, v = (begun[f"{prefix}_{name}"] for name in SWING)
+    damped = omega * np.sqrt(1.0 - zeta**2)
+    decay, c, s = np.exp(-zeta * omega * duration), np.cos(damped * duration), np.sin(damped * duration)
+    pushed = (v + zeta * omega * x) / damped
+    after = (
+        decay * (x * c + pushed * s),
+        decay * (v * c - (omega**2 * x + zeta * omega * v) / damped * s),
+    )
+    return {f"{prefix}_{name}": value for name, value in zip(SWING, after, strict=True)}
 
 
 @dataclass(frozen=True)
@@ -69,6 +90,23 @@ class DrivenHungMass(DrivenEffect):
         for k, _, x in self.each(case.model):
             hung, load = room.state + 2 * k, case.model.load(x)
             x0[..., hung : hung + 2] = x0[..., load : load + 2] + case.nuisance[..., 2 * k : 2 * k + 2]
+
+    def swinging(self, states: FloatArray, case: Case, room: Room) -> Mapping[str, FloatArray]:
+        out = {}
+        for k, axis, x in self.each(case.model):
+            hung, load = room.state + 2 * k, case.model.load(x)
+            for part, name in enumerate(SWING):
+                out[f"{axis}.hung_{name}"] = states[..., hung + part] - states[..., load + part]
+        return out
+
+    def swung(
+        self, values: Values, begun: Mapping[str, FloatArray], duration: FloatArray
+    ) -> Mapping[str, FloatArray]:
+        out: dict[str, FloatArray] = {}
+        for axis in self.axes:
+            law = (values[f"{axis}.hung_frequency"], values[f"{axis}.hung_damping"])
+            out |= free_swing(f"{axis}.hung", law, begun, duration)
+        return out
 
 
 @dataclass(frozen=True)
@@ -116,6 +154,27 @@ class DrivenMachineBody(DrivenEffect):
         for _, _, x in self.each(case.model):
             load = case.model.load(x)
             x0[..., load : load + 2] += case.nuisance
+
+    def swinging(self, states: FloatArray, case: Case, room: Room) -> Mapping[str, FloatArray]:
+        return {f"body_{name}": states[..., room.state + k] for k, name in enumerate(SWING)}
+
+    def carried(self, states: FloatArray, case: Case, room: Room) -> FloatArray:
+        out = states.copy()
+        for _, _, x in self.each(case.model):
+            load = case.model.load(x)
+            out[..., load : load + 2] -= states[..., room.state : room.state + 2]
+        return out
+
+    def swung(
+        self, values: Values, begun: Mapping[str, FloatArray], duration: FloatArray
+    ) -> Mapping[str, FloatArray]:
+        """Friction holds the carriages on the body."""
+        others = (
+            (1.0 + values["mass_ratio"]) if len(self.axes) == 2 and "mass_ratio" in values else len(self.axes)
+        )
+        slower = 1.0 / np.sqrt(1.0 + others * values["body_ratio"])
+        law = (slower * values["body_frequency"], slower * values["body_damping"])
+        return free_swing("body", law, begun, duration)
 
 
 @dataclass(frozen=True)

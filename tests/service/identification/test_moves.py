@@ -12,8 +12,16 @@ from service.captures import read_capture
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_library import DRIVEN
 from service.identification.expected_errors import expected_errors, speed_errors, speed_noise
-from service.identification.held_out import held_out
-from service.identification.moves import Moves, early_part, moves_of, noise_at_rest, predict, residuals
+from service.identification.held_out import held_out, told_by_train
+from service.identification.moves import (
+    Moves,
+    early_part,
+    moves_of,
+    noise_at_rest,
+    predict,
+    residuals,
+    sensor_zero,
+)
 from service.identification.moves_fit import (
     Fitted,
     as_alike_moves,
@@ -24,7 +32,7 @@ from service.identification.moves_fit import (
     settle_locally,
 )
 from service.identification.scene import ChannelTolerance, as_effects, estimator_alone, point_at, smeared
-from service.recording import Recording, Trace
+from service.recording import FloatArray, Recording, Trace
 
 
 @pytest.fixture(scope="module")
@@ -90,11 +98,50 @@ def test_the_errors_of_single_samples_add_up_to_the_error_of_all(
     np.testing.assert_allclose(together[:, 0], off * moves.h * np.arange(moves.samples), atol=1e-15)
 
 
-def test_noise_at_rest_does_not_count_a_swing(captures: tuple[Recording, Recording]) -> None:
+def test_noise_at_rest_counts_neither_a_swing_nor_impacts(captures: tuple[Recording, Recording]) -> None:
     train, rng = captures[0], np.random.default_rng(3)
     time = train.traces["X1", "acceleration"].time
-    swinging = Trace(time, 2.0 * np.sin(2 * np.pi * 15.0 * time) + 0.03 * rng.standard_normal(len(time)))
-    assert noise_at_rest(swinging, train) == pytest.approx(0.03, rel=0.06)
+    swinging = 2.0 * np.sin(2 * np.pi * 15.0 * time) + 0.03 * rng.standard_normal(len(time))
+    swinging[::200] += 5.0
+    assert noise_at_rest(Trace(time, swinging), train) == pytest.approx(0.03, rel=0.08)
+
+
+def test_a_sensors_zero_is_found_beside_a_machine_that_swings_in_the_rests(
+    captures: tuple[Recording, Recording],
+) -> None:
+    """An axis that stands at the beginning and at the end has no mean acceleration, whatever it did between."""
+    train, rng = captures[0], np.random.default_rng(8)
+    time = train.traces["X1", "acceleration"].time
+    along = (time - time[0]) / (time[-1] - time[0])
+    speed = along**2 * (1.0 - along) ** 2 * np.sin(2 * np.pi * 11.0 * time)
+    swinging = 0.07 + np.gradient(speed, time) + 0.03 * rng.standard_normal(len(time))
+    resting = 0.07 + 0.03 * rng.standard_normal(len(time))
+    assert sensor_zero(Trace(time, swinging), train, 0.03) == pytest.approx(0.07, abs=0.001)
+    assert sensor_zero(Trace(time, resting), train, 0.03) == pytest.approx(0.07, abs=0.001)
+
+
+def test_a_prediction_is_doubted_by_as_much_as_numbers_within_their_spread_change_it(
+    captures: tuple[Recording, Recording], found: Fitted
+) -> None:
+    validate, rng = moves_of(captures[1], ("X1",)), np.random.default_rng(2)
+    held = held_out(validate, found, thorough=False)
+    known = np.linalg.cholesky(told_by_train(found) + 1e-12 * np.eye(len(found.at.shared)))
+    others = []
+    for _ in range(16):
+        shared = found.at.shared + known @ rng.standard_normal(len(found.at.shared))
+        other = replace(found, at=replace(found.at, shared=shared))
+        others.append(held_out(validate, other, thorough=False).predicted - held.predicted)
+    spread = np.sqrt(np.mean(np.square(others), axis=0)) / validate.noise[:, None] / validate.expected
+    late = validate.used & ~early_part_mask(validate)
+    expected = np.sqrt(np.mean(held.doubted[late] ** 2))
+    assert np.sqrt(np.mean(spread[late] ** 2)) == pytest.approx(expected, rel=0.5)
+
+
+def early_part_mask(moves: Moves) -> FloatArray:
+    mask = np.zeros(moves.used.shape, dtype=bool)
+    early = early_part(moves, 0.45).used
+    mask[..., : early.shape[-1]] = early
+    return mask
 
 
 def test_smearing_keeps_area_and_place_and_has_its_spread() -> None:

@@ -60,7 +60,7 @@ def test_a_second_start_is_kept_only_for_another_shape_of_the_effect() -> None:
 
 
 def stub(rms: float) -> Any:
-    model = SimpleNamespace(parameters=())
+    model = SimpleNamespace(parameters=(), effects=())
     return cast(Any, SimpleNamespace(rms=rms, moves=("every",), model=model, at=SimpleNamespace(local=())))
 
 

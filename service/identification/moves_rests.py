@@ -1,0 +1,94 @@
+"""What still swings when a move begins: the move before set it swinging, and the rest between did not end it.
+
+While the axis rests, friction holds the carriage, and no sensor on it shows a swinging body or a hung mass. So the
+first part of a move tells little of it. But the moves can be simulated on through the rests that follow them, and how
+a swing arrives there tells its frequency and its damping better than the moves do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.dynamics.driven_model import Model
+from service.dynamics.driven_motion import of_motors
+from service.identification.moves import REST_SPREAD, Moves, Swings, free_values, left_over, simulated
+from service.identification.moves_fit import Point
+from service.recording import FloatArray
+
+LONGEST = 4.0
+"""Time from one move to the next after which nothing swings any more [s]."""
+KNOWN = (0.3, 0.1, 0.03)
+"""Shares of its prior's width that are left of a swing's coordinate where the move before says how it begins: tried one
+after the other, for a swing is left by the move before, and by the one before that."""
+
+
+def swinging_on(
+    moves: Sequence[Moves], model: Model, at: Point, known: float
+) -> tuple[tuple[Moves, ...], Point]:
+    """The moves with what the moves before them leave at a point, and the point at which they begin as before; what is
+    left is `known` to a share of the prior's width."""
+    if not swings_at_all(model) or any(len(part.grids) < 2 for part in moves):
+        return tuple(moves), at
+    values, parts, local = model.complete(free_values(model, at.shared[None])), [], []
+    for part, own in zip(moves, at.local, strict=True):
+        on = swings(part, model, at.shared, own, known)
+        following = replace(part, swings=on)
+        before, now = left_over(part, model, values), left_over(following, model, values)
+        moved = own.copy()
+        moved[:, : 2 * len(model.axes)] += part.loads - on.loads
+        for k, p in enumerate(model.nuisance):
+            if p.name in now:
+                j, width = 2 * len(model.axes) + k, part.swings.width if part.swings else 1.0
+                begun = p.spread * width * own[:, j] + before.get(p.name, np.zeros(1))[0]
+                moved[:, j] = (begun - now[p.name][0]) / (on.width * p.spread)
+        parts.append(following)
+        local.append(np.clip(moved, -20.0, 20.0))
+    return tuple(parts), Point(at.shared, tuple(local))
+
+
+def how_known(moves: Sequence[Moves]) -> float:
+    """The share to which all moves know what the moves before them leave."""
+    return max((float(np.min(part.swings.width)) if part.swings else 1.0) for part in moves)
+
+
+def swings_at_all(model: Model) -> bool:
+    """Whether anything in the model may still swing when a move begins."""
+    return any(effect.states for effect in model.effects)
+
+
+def swings(moves: Moves, model: Model, shared: FloatArray, local: FloatArray, known: float) -> Swings:
+    """What every move finds left of the move before, by a simulation through the rests; the first one finds nothing."""
+    apart = np.diff(moves.start)
+    K = int(np.ceil(min(float(np.max(apart)), LONGEST) / moves.h)) + 1
+    values = model.complete(free_values(model, shared[None]))
+    skews = np.stack([values[f"{a}.skew"] for a in model.axes], axis=1)
+    c = of_motors([moves.plain] * len(moves.grids), moves.start, moves.h, K, skews)
+    said = simulated(moves, model, shared[None], local[None], c)
+    last = np.minimum(np.round(apart / moves.h).astype(int), K - 1)
+    each = np.arange(len(apart))
+    states, motor = said.states[0, each, last], c[0, each, last, :, :2]
+    rest = np.maximum(np.concatenate(([0.0], apart - moves.h * moves.samples)), 0.0)
+    there = (apart < LONGEST) & np.all(np.isfinite(states), axis=1)
+    released: dict[str, FloatArray] = {}
+    for effect, case, room in said.cases:
+        found = effect.swinging(states[None], case, room)
+        begun = {name: after_the_first(value[0], there) for name, value in found.items()}
+        released |= {name: value[0] for name, value in effect.swung(values, begun, -rest).items()}
+        states = effect.carried(states[None], case, room)[0]
+    loads = np.zeros((len(moves.grids), 2 * len(model.axes)))
+    for x, axis in enumerate(model.axes):
+        at = model.load(x)
+        ahead = states[:, at : at + 2] - motor[:, x]
+        ahead[:, 0] += 0.5 * moves.s[1:] * values[f"{axis}.backlash"][0]
+        for part in range(2):
+            loads[:, 2 * x + part] = after_the_first(ahead[:, part] / REST_SPREAD[part], there)
+    return Swings(loads, np.concatenate(([1.0], np.where(there, known, 1.0))), released, rest)
+
+
+def after_the_first(found: FloatArray, there: NDArray[np.bool_]) -> FloatArray:
+    """Values (T,) of all moves from those of all but the first, 0 where there is none."""
+    return np.concatenate(([0.0], np.where(there, found, 0.0)))

@@ -1,0 +1,79 @@
+"""What swings through the rests between moves, and how a move begins by it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from service.captures import read_capture
+from service.dynamics.driven_model import Model
+from service.dynamics.effects.driven_bodies import DrivenHungMass, DrivenMachineBody, free_swing
+from service.identification.moves import Moves, moves_of, predict
+from service.identification.moves_fit import Point, resting
+from service.identification.moves_rests import swinging_on
+from service.identification.scene import point_at
+
+MACHINE = {
+    "X1.backlash": 8e-5,
+    "X1.contact_stiffness": 8e5,
+    "X1.drive_stiffness": 1.2e6,
+    "X1.drive_mass": 0.1,
+    "X1.coulomb": 0.3,
+    "X1.viscous": 0.8,
+}
+
+
+@pytest.fixture(scope="module")
+def moves(request: pytest.FixtureRequest) -> Moves:
+    shared: Path = request.getfixturevalue("shared_dir")
+    return moves_of(read_capture(shared / "captures" / "none-train.parquet"), ("X1",))
+
+
+def test_a_free_swing_is_what_an_integrator_makes_of_it() -> None:
+    """x\u0308 + 2\u03b6\u03c9x\u0307 + \u03c9\u00b2x = 0, and back again."""
+    law, duration = (np.array([13.0]), np.array([0.03])), np.array([0.4])
+    begun = {"body_displacement": np.array([2e-4]), "body_speed": np.array([-7e-3])}
+    omega = 2 * np.pi * 13.0
+    course = solve_ivp(
+        lambda _t, y: (y[1], -(omega**2) * y[0] - 2 * 0.03 * omega * y[1]),
+        (0.0, 0.4),
+        (2e-4, -7e-3),
+        rtol=1e-10,
+        atol=1e-14,
+    )
+    after = free_swing("body", law, begun, duration)
+    assert after["body_displacement"][0, 0] == pytest.approx(course.y[0, -1], rel=1e-6)
+    assert after["body_speed"][0, 0] == pytest.approx(course.y[1, -1], rel=1e-6)
+    back = free_swing("body", law, {name: value[0] for name, value in after.items()}, -duration)
+    assert back["body_displacement"][0, 0] == pytest.approx(2e-4)
+    assert back["body_speed"][0, 0] == pytest.approx(-7e-3)
+
+
+@pytest.mark.parametrize("kind", [DrivenHungMass, DrivenMachineBody])
+def test_moves_begin_as_before_when_what_is_left_is_told(
+    moves: Moves, kind: type[DrivenHungMass] | type[DrivenMachineBody]
+) -> None:
+    """Only the coordinates count from elsewhere; and begun from there, the moves go through to each other."""
+    model = Model(("X1",), 1, (kind(("X1",)),), "whole_move", ("constant", "skew"), bridge=False)
+    prefix = "X1.hung" if kind is DrivenHungMass else "body"
+    swing = {f"{prefix}_ratio": 0.1, f"{prefix}_frequency": 12.0, f"{prefix}_damping": 0.03}
+    at = point_at(model, MACHINE | swing, [moves])
+    local = at.local[0].copy()
+    local[:, 2:4] = np.random.default_rng(4).normal(0.0, 0.5, (len(local), 2))
+    at = Point(at.shared, (local,))
+    before = predict(moves, model, at.shared[None], at.local[0][None]).states
+    (told,), shifted = swinging_on([moves], model, at, 1.0)
+    after = predict(told, model, shifted.shared[None], shifted.local[0][None]).states
+    np.testing.assert_allclose(after, before, rtol=0.0, atol=1e-9)
+
+    at, told = replace(at, local=resting([moves], model)), moves
+    states = []
+    for _ in range(2 + len(local)):
+        (told,), _ = swinging_on([told], model, at, 1.0)
+        states.append(predict(told, model, at.shared[None], at.local[0][None]).states[0, :, 0])
+    assert np.max(np.abs(states[-1][1:, -2])) > 1e-6, "something swings"
+    np.testing.assert_allclose(states[-1][:, -2:], states[-2][:, -2:], rtol=0.0, atol=1e-9)
