@@ -41,10 +41,13 @@ def at_rest(prefix: str) -> tuple[Parameter, ...]:
 def free_swing(
     prefix: str, law: tuple[FloatArray, FloatArray], begun: Mapping[str, FloatArray], duration: FloatArray
 ) -> dict[str, FloatArray]:
-    """Displacement and speed (S, T) of an oscillator a time (T,) [s] after it was let go (T,) each, or before it.
+    """Displacement and speed (S, T) of an oscillator a time (T,) [s] after it was let go (T,) each, or before; none of
+    one that is not known.
 
     law : frequency without damping [Hz] and damping ratio, (S,) each
     """
+    if f"{prefix}_{SWING[0]}" not in begun:
+        return {}
     omega, zeta = 2.0 * np.pi * law[0][:, None], np.minimum(law[1], 0.99)[:, None]
     x, v = (begun[f"{prefix}_{name}"] for name in SWING)
     damped = omega * np.sqrt(1.0 - zeta**2)

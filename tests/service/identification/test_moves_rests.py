@@ -51,6 +51,7 @@ def test_a_free_swing_is_what_an_integrator_makes_of_it() -> None:
     back = free_swing("body", law, {name: value[0] for name, value in after.items()}, -duration)
     assert back["body_displacement"][0, 0] == pytest.approx(2e-4)
     assert back["body_speed"][0, 0] == pytest.approx(-7e-3)
+    assert not free_swing("X1.hung", law, begun, duration), "nothing is known of another body"
 
 
 @pytest.mark.parametrize("kind", [DrivenHungMass, DrivenMachineBody])
