@@ -21,11 +21,11 @@ resolution of 0.05 rpm each wander by half of it, and the impacts between the sa
 
 
 def swing(prefix: str, largest: float) -> tuple[Parameter, ...]:
-    """Parameters of a mode; damping of welded and bolted steel."""
+    """Parameters of a mode; the damping is that of welded and bolted steel, on rubber at most."""
     return (
         Parameter(f"{prefix}_ratio", "1", 0.0, 0.3, logarithmic=False, low=0.0, high=largest, dose=0.02),
         Parameter(f"{prefix}_frequency", "Hz", 25.0, 1.0, low=2.0, high=250.0),
-        Parameter(f"{prefix}_damping", "1", 0.02, 0.8, high=0.7),
+        Parameter(f"{prefix}_damping", "1", 0.02, 0.8, high=0.3),
     )
 
 

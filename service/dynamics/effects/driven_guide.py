@@ -96,8 +96,9 @@ class DrivenAsymmetricFriction(DrivenEffect):
 
 @dataclass(frozen=True)
 class DrivenStribeckFriction(DrivenEffect):
-    """A guide that holds harder at low speed; the excess falls off as exp(−(v/v_s)^δ), δ being 0.5 to 2 in guides
-    (Armstrong-Hélouvry, Dupont and Canudas de Wit, Automatica 30, 1994)."""
+    """A guide that holds harder at low speed. The excess falls off as (1 + τ·x)^(−1/τ), x being (v/v_s)^δ: for τ = 0
+    that is exp(−x) with δ from 0.5 to 2 (Armstrong-Hélouvry, Dupont and Canudas de Wit, Automatica 30, 1994), for τ = 1
+    and δ = 2 it is 1/(1 + (v/v_s)²), whose tail reaches farther (Hess and Soom, J. Tribology 112, 1990)."""
 
     name: ClassVar[str] = "stribeck_friction"
     means: ClassVar[str] = "friction is higher at low speed: lubrication is poor"
@@ -105,6 +106,7 @@ class DrivenStribeckFriction(DrivenEffect):
         Parameter("breakaway", "m/s²", 0.0, 0.5, logarithmic=False, low=0.0, dose=0.05),
         Parameter("stribeck_speed", "m/s", 0.012, 0.7, low=2e-3, high=0.2),
         Parameter("stribeck_exponent", "1", 2.0, 0.35, low=0.5, high=4.0),
+        Parameter("stribeck_tail", "1", 0.5, 0.5, logarithmic=False, low=0.0, high=1.0),
     )
     shapes: ClassVar[tuple[Mapping[str, float], ...]] = (
         {"stribeck_speed": 0.006},
@@ -117,8 +119,11 @@ class DrivenStribeckFriction(DrivenEffect):
         v = speeds()
         for _, axis, x in self.each(case.model):
             guide, excess = system.guides[x], case.values[f"{axis}.breakaway"]
-            speed, exponent = (case.values[f"{axis}.stribeck_{p}"][:, None] for p in ("speed", "exponent"))
-            left = np.exp(-(np.abs(v / speed) ** exponent))
+            speed, exponent, tail = (
+                case.values[f"{axis}.stribeck_{p}"][:, None] for p in ("speed", "exponent", "tail")
+            )
+            tail = np.maximum(tail, 1e-6)
+            left = np.exp(-np.log1p(tail * np.abs(v / speed) ** exponent) / tail)
             guide.forward = guide.forward + excess
             guide.backward = guide.backward + excess
             guide.table += excess[:, None] * (left - 1.0) * np.sign(v)

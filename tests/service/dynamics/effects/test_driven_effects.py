@@ -41,7 +41,12 @@ PLANTED = {
     "constant_force": {"X1.constant_force": 0.3},
     "position_dependent_force": {"X1.spring_rate": 150.0, "X1.spring_preload": 0.1},
     "asymmetric_friction": {"X1.coulomb_asymmetry": 0.2, "X1.viscous_asymmetry": 2.0},
-    "stribeck_friction": {"X1.breakaway": 0.5, "X1.stribeck_speed": 0.01, "X1.stribeck_exponent": 1.3},
+    "stribeck_friction": {
+        "X1.breakaway": 0.5,
+        "X1.stribeck_speed": 0.01,
+        "X1.stribeck_exponent": 1.3,
+        "X1.stribeck_tail": 0.6,
+    },
     "curved_friction": {"X1.curved_level": 0.5, "X1.curved_power": 2.0},
     "gearbox_clearance": {"X1.clearance": 3e-5},
     "position_dependent_backlash": {"X1.gap_slope": 0.008},
@@ -88,10 +93,9 @@ class Plain:
         knee = ((0.30, 1 / self.v["turnover_spread"]), (0.45, 1.0), (0.25, self.v["turnover_spread"]))
         held = sum(share * float(np.clip(mean * x / at, -down, up)) for share, at in knee)
         more = self.v["viscous"] * slip + self.get("viscous_asymmetry") * abs(slip)
-        fade = (
-            np.exp(-(abs(slip / self.e.get("stribeck_speed", 1.0)) ** self.e.get("stribeck_exponent", 2.0)))
-            - 1.0
-        )
+        of_speed = abs(slip / self.e.get("stribeck_speed", 1.0)) ** self.e.get("stribeck_exponent", 2.0)
+        tail = self.e.get("stribeck_tail", 1.0)
+        fade = (1.0 + tail * of_speed) ** (-1.0 / tail) - 1.0
         more += self.get("breakaway") * float(fade) * float(np.sign(slip))
         grown = (abs(slip) / 0.1) ** self.e.get("curved_power", 1.0)
         return held + more + self.get("curved_level") * float(np.sign(slip)) * grown
