@@ -55,6 +55,10 @@ class Parameter:
             return np.asarray(value)
         return np.asarray(np.clip(value, self.low, self.high))
 
+    def at_limit(self, value: float) -> bool:
+        """Whether a number that shapes an effect, such as a frequency, would go farther than it can be."""
+        return self.logarithmic and not self.dose and not self.low * 1.01 < value < self.high * 0.99
+
     def of(self, axis: str) -> Parameter:
         """The same parameter as one axis' own, its name in front."""
         return replace(self, name=f"{axis}.{self.name}")

@@ -155,4 +155,11 @@ def trial_of(scene: Scene, found: Fitted, thorough: bool = True) -> Trial[Explai
         np.zeros(0),
         independent_samples(flat),
         held.doubt,
+        at_limits(found),
     )
+
+
+def at_limits(found: Fitted) -> tuple[str, ...]:
+    """Numbers of the last effect, by name, that stand where no such effect is."""
+    last = found.model.effects[-1].parameters
+    return tuple(p.name for p in last if p.at_limit(found.value(p.name)))

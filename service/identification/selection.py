@@ -41,7 +41,8 @@ class Trial(Generic[ModelT]):
 
     ``independent`` is the number of independent samples in the validate residual. ``validation_rms`` is over the errors
     that are expected; ``doubt`` is the geometric mean of what the model's own doubts add to them, by which models are
-    compared: an error that a model announces counts less, and the announcement counts against it.
+    compared: an error that a model announces counts less, and the announcement counts against it. ``at_limits`` names
+    the numbers of its last effect that stand where no such effect is.
     """
 
     model: ModelT
@@ -51,6 +52,7 @@ class Trial(Generic[ModelT]):
     inner_blocks: FloatArray
     independent: float
     doubt: float = 1.0
+    at_limits: tuple[str, ...] = ()
 
     @property
     def held_rms(self) -> float:
@@ -215,9 +217,11 @@ def _judge(name: str, before: Trial[ModelT], after: Trial[ModelT], tried: int, s
         why = "gains nothing on left-out parts of the train recordings"
     elif p_value >= LEVEL:
         why = "gain within what chance does"
+    elif after.at_limits:
+        why = f"only with {', '.join(after.at_limits)} where no such effect is"
     else:
         why = "significant and material on held-out moves"
-    accepted = bool(material and honest and p_value < LEVEL)
+    accepted = bool(material and honest and p_value < LEVEL and not after.at_limits)
     return Candidate(name, after.held_rms, p_value, accepted, why)
 
 

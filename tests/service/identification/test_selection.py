@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from service.dynamics.effects.driven_library import DRIVEN
 from service.identification.explanation import Explanation
 from service.identification.regression_effects import play
 from service.identification.selection import Trial, gain_p_value, select
@@ -47,6 +48,25 @@ def test_of_two_that_come_equally_near_the_smaller_is_taken() -> None:
     for size, first in ((lambda t: len(t.model), "small"), (lambda _t: 0, "large")):
         found = select(trial(1.0, 0), lambda _p, taken: {} if taken else trials, enough=0.6, size=size)
         assert found.effects == (first,)
+
+
+def test_an_effect_that_needs_a_number_where_no_such_effect_is_is_not_taken() -> None:
+    """A body that hardly swings, damped as no machine is, is a name for something else."""
+    near = {"body": replace(trial(0.3, 0), at_limits=("body_damping",)), "filter": trial(0.6, 0)}
+    found = select(trial(1.0, 0), lambda _present, taken: near if not taken else {"c": trial(0.6, 0)})
+    assert found.effects == ("filter",)
+    assert next(c.why for c in found.candidates if c.effect == "body").startswith("only with body_damping")
+    assert DRIVEN["machine_body_mode"](("X1",)).parameters[2].at_limit(0.3)
+    assert not DRIVEN["machine_body_mode"](("X1",)).parameters[2].at_limit(0.02)
+
+
+def test_an_error_that_a_model_announces_counts_less_and_the_announcement_against_it() -> None:
+    """A fifth of the error, but doubts of six times: no nearer; a tenth of the error, doubled for its doubts, is."""
+    before = trial(1.0, 0)
+    boasting = replace(trial(0.2, 0), doubt=6.0, validation_blocks=36.0 * trial(0.2, 0).validation_blocks)
+    honest = replace(trial(0.1, 0), doubt=2.0, validation_blocks=4.0 * trial(0.1, 0).validation_blocks)
+    assert select(before, lambda _present, _taken: {"boasting": boasting}).effects == ()
+    assert select(before, lambda _present, _taken: {"honest": honest}).effects == ("honest",)
 
 
 def test_what_contains_another_is_taken_only_for_a_gain_of_its_own_and_is_no_rival_of_it() -> None:
