@@ -19,7 +19,7 @@ from service.identification.held_out import Explained, Held, rms
 from service.identification.moves import Moves
 from service.identification.moves_fit import Fitted
 from service.identification.scene import Scene
-from service.identification.selection import Selection, explained, left, shown
+from service.identification.selection import Selection, Trial, explained, left, shown
 from service.recording import FloatArray
 
 LEFT_BY_CLEAN = 1.25
@@ -29,6 +29,9 @@ LEFT = 1.6
 SMALL, MATTERS = 1.6, (1e-6, 0.02)
 """What leaves no more than this RMS without it, and changes the backlash by less than so many metres or such a share,
 is an impurity too small to matter; and what leaves no more and has no name is not called missing (chosen)."""
+CHANGED = 4.0
+"""Held-out RMS from which on the machine is not what it was in the train recordings, however well it fits these: what
+impurities too small to matter leave there is less (chosen)."""
 CROSSED = 0.6
 """Share of a move at which its gap is crossed, about: after the top speed, at two thirds of the braking."""
 STRUCTURE = (0.11e-6, 1.2e-3)
@@ -68,7 +71,7 @@ def verdict(scene: Scene, selection: Selection[Explained]) -> tuple[AxisExplanat
 def finding_of(selection: Selection[Explained]) -> tuple[Finding, tuple[str, ...]]:
     """``effect`` only when the named effects leave near nothing: a part of an unknown is not an explanation."""
     if not selection.effects:
-        return ("none" if left(selection.before) <= SMALL else "unknown"), ()
+        return ("none" if _little(selection.before) else "unknown"), ()
     alone = len(selection.effects) == 1 and explained(selection.before, selection.after)
     if _immaterial(selection) and not (alone and shown(selection.before) > SMALL):
         return "none", ()
@@ -86,7 +89,12 @@ def _immaterial(selection: Selection[Explained]) -> bool:
         was, now = backlash_of(before, axis)[0], backlash_of(after, axis)[0]
         if abs(now - was) > max(floor, share * now):
             return False
-    return left(selection.before) <= SMALL
+    return _little(selection.before)
+
+
+def _little(trial: Trial[Explained]) -> bool:
+    """Whether what the declared model leaves may be an impurity too small to matter."""
+    return left(trial) <= SMALL and trial.validation_rms <= CHANGED
 
 
 def _report(one: Explained, axis: int) -> ErrorReport:

@@ -22,6 +22,7 @@ def trial(train: float, held_out: float) -> Trial[Any]:
     [
         ((1.4, 1.5), (1.4, 1.5), (), "none"),
         ((9.0, 9.0), (9.0, 9.0), (), "unknown"),
+        ((1.1, 70.0), (1.1, 70.0), (), "unknown"),
         ((9.0, 12.0), (1.1, 1.3), ("stribeck_friction",), "effect"),
         ((9.0, 12.0), (1.1, 1.3), ("stribeck_friction", "sensor_latency"), "effect"),
         ((40.0, 40.0), (3.0, 6.0), ("hung_mass_mode",), "effect"),
