@@ -29,6 +29,7 @@ from service.backlash.model_fit_interval import (
 )
 from service.backlash.model_fit_mesh_size import by_evidence, likeliest_width
 from service.backlash.model_fit_profile import widened
+from service.backlash.model_fit_rivals import weighed
 from service.backlash.model_fit_single import single_fit
 from service.backlash.model_fit_stages import (
     Effort,
@@ -202,8 +203,9 @@ def judged(recording: Recording, measured: Measured, staged: Staged, beside: Bes
     best, name = staged.best, staged.best.problem.model.axes[x]
     k = coordinate(best, x)
     fit, spread = by_evidence(beside.linear, best.fit.misfit)
-    unsure = float(spread[k, k]) * fit.slope(k) ** 2
-    value = float(best.problem.model.parameters[k].value(fit.at.shared[k]))
+    rivals = weighed(staged, x)
+    unsure = float(spread[k, k]) * fit.slope(k) ** 2 + rivals.variance
+    value = float(best.problem.model.parameters[k].value(fit.at.shared[k])) + rivals.shift
     steps = step_values(best, fit, x)
     half = interval_half_width(staged, fit, x, steps, unsure)
     if len(best.problem.model.axes) == 2 and half < TOO_WIDE * value:

@@ -20,7 +20,7 @@ from service.backlash.model_fit_problem import Problem
 from service.dynamics.driven_effect import Case, DrivenEffect
 from service.dynamics.driven_motion import between
 from service.dynamics.driven_parameters import Parameter
-from service.dynamics.effects.driven_transmission import DrivenBentContact, grid_points
+from service.dynamics.effects.driven_transmission import BENDS, FINE, DrivenBentContact, grid_points
 from service.recording import FloatArray
 
 BEND = 0.1
@@ -34,14 +34,15 @@ BOWS = 5
 one wave or less, of which these leave a fiftieth; faster ones hardly change between release and impact on average."""
 
 
-def impurities(problem: Problem) -> tuple[DrivenEffect, ...]:
-    """What is freed beside the declared model: every axis' mesh error over its stroke, and its bent contact."""
+def impurities(problem: Problem, fine: bool = False) -> tuple[DrivenEffect, ...]:
+    """What is freed beside the declared model: every axis' mesh error over its stroke, and its bent contact. A `fine`
+    contact is for a single axis' value, and slow."""
     axes = problem.model.axes
     places = [
         one(grid.time) for motion, grid in zip(problem.motion, problem.grids, strict=True) for one in motion
     ]
     low, high = min(float(p.min()) for p in places), max(float(p.max()) for p in places)
-    return MeshError(axes, low, high - low), BentContact(axes)
+    return MeshError(axes, low, high - low), BentContact(axes, FINE if fine else BENDS)
 
 
 @dataclass(frozen=True)

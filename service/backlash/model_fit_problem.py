@@ -300,8 +300,8 @@ def cost(problem: Problem, at: Point, r: FloatArray, scale: float) -> float:
 def trials(
     problem: Problem, at: Point, r: FloatArray, J: FloatArray, dampings: FloatArray
 ) -> list[tuple[Point, float]]:
-    """Levenberg-Marquardt steps from one linearisation, one per damping, shortened to 2 prior deviations; and the
-    same with the curvature along each of them taken in (geodesic acceleration).
+    """Levenberg-Marquardt steps from one linearisation, one per damping, shortened to 2 prior deviations; with the
+    curvature along each of them taken in (geodesic acceleration) where two terms say something.
 
     Stiffnesses and masses of a chain, each sharp and together loose, lie along a bent valley, in which straight
     steps are short.
@@ -312,13 +312,14 @@ def trials(
     solvers = [cho_factor(H + damping * np.diag(np.diag(H))) for damping in dampings]
     steps = [shortened(-cho_solve(solver, g)) for solver in solvers]
     probes = residuals_at(problem, [moved(problem, at, PROBE * step) for step in steps])
-    points = [(moved(problem, at, step), damping) for step, damping in zip(steps, dampings, strict=True)]
+    points = []
     for solver, step, probe, damping in zip(solvers, steps, probes, dampings, strict=True):
-        bend = 2.0 / PROBE * ((probe - r) / PROBE - J @ step)
+        bend, taken = 2.0 / PROBE * ((probe - r) / PROBE - J @ step), step
         if np.all(np.isfinite(bend)):
             second = -0.5 * cho_solve(solver, J.T @ bend / scale**2)
             if second @ (np.diag(H) * second) < BENT**2 * (step @ (np.diag(H) * step)):
-                points.append((moved(problem, at, shortened(step + second)), damping))
+                taken = shortened(step + second)
+        points.append((moved(problem, at, taken), damping))
     return points
 
 

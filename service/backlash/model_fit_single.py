@@ -35,6 +35,9 @@ NOWHERE = 10.0
 POOR = 3.0
 """Misfit over all steps from which on a local minimum is suspected."""
 
+HALVED = 0.5
+"""Share of the cost that following motors leave at most where their motion was what is wrong, not the minimum."""
+
 FOLLOWED = 1.5
 """Misfit over all steps from which on the motor's motion is suspected: as much again as half the noise."""
 
@@ -51,8 +54,11 @@ def single_fit(measured: Measured, guesses: dict[str, Guess], effort: Effort) ->
         others = from_starts(measured, problem, guesses, AGAIN)
         starts, effort = (others, AGAIN) if others[0].fit.cost < starts[0].fit.cost else (starts, effort)
         return followed(measured, refined(measured, problem, starts, effort))
-    found = followed(measured, refined(measured, problem, starts, effort))
-    return found if found.best.fit.misfit < POOR else searched_again(measured, problem, guesses, found)
+    held = refined(measured, problem, starts, effort)
+    found = followed(measured, held)
+    if found.best.fit.misfit < POOR or found.best.fit.cost < HALVED * held.best.fit.cost:
+        return found
+    return searched_again(measured, problem, guesses, found)
 
 
 def searched_again(measured: Measured, problem: Problem, guesses: dict[str, Guess], found: Staged) -> Staged:
@@ -76,4 +82,4 @@ def followed(measured: Measured, found: Staged) -> Staged:
             break
         best = Outcome(motors.judged(), end.fit)
         ends.append(best)
-    return Staged(best, ends, found.starts)
+    return replace(found, best=best, ends=ends)

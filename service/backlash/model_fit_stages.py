@@ -32,10 +32,6 @@ HOPELESS = 1e5
 """Misfit from which on a start is given up: hundreds of times the noise, the motor's force means nothing."""
 
 
-ONLY_NOISE = 1.03
-"""Misfit on the few steps at which no other sharing is tried: 2,000 samples tell 3 %."""
-
-
 SHARINGS = tuple(
     (soft, heavy)
     for soft in ((0.15, 0.15, 0.7), (0.6, 0.2, 0.2), (0.2, 0.6, 0.2), (0.4, 0.2, 0.4))
@@ -47,9 +43,24 @@ GLIMPSE, PROMISING = 2, 2
 """Rounds that each sharing is fitted for, and how many of them go on."""
 
 
+APART = 3.0
+"""Standard deviations from which on two fits are two minima."""
+
+CONTESTED = 1.5
+"""Misfit up to which other sharings are fitted to all steps: beyond it, the input or the structure is what is wrong."""
+
+RIVALS = (3, 6)
+"""Rounds over all steps from another sharing: with the best one's motors, and with its own."""
+
+BEHIND = 30.0
+"""How much dearer than the best another sharing may be after its first rounds to go on: they gain some tens."""
+
 NEARER = 0.75
 """Share of the cost on a few steps below which another search's start is worth a fit of all steps."""
 
+
+STANDSTILL = 0.05
+"""Share of what is above the noise that is not worth another reconstruction."""
 
 SETTLES = 0.8
 """Share of the misfit that a cycle of settling has to leave at most for another to follow."""
@@ -100,11 +111,13 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Staged:
-    """best : of all steps; ends : of each pass over all steps; starts : of each start over a few steps."""
+    """best : of all steps; ends : of each pass over all steps that led to it; starts : of each start over a few steps;
+    rivals : of all steps from other sharings of the drive."""
 
     best: Outcome
     ends: list[Outcome]
     starts: list[Outcome]
+    rivals: tuple[Outcome, ...] = ()
 
 
 Reconstruction = Callable[[Measured, Problem, Fit], Problem]
@@ -131,7 +144,8 @@ def passes(
 ) -> list[Outcome]:
     """A fit, then fits with the motor's motion reconstructed from the one before; not every pass is better.
 
-    They end where the cost stands still: within half a unit, or within the share `still` of it.
+    They end where the cost stands still: within half a unit, within the share `still` of it, or within STANDSTILL of
+    what is above the noise.
     """
     found = fit(problem, start, rounds[0], 1.0)
     problem = problem.judged()
@@ -144,7 +158,8 @@ def passes(
         problem = problem.judged()
         best = min(out, key=lambda o: o.fit.cost)
         out = [*(o.kept(best) for o in out), Outcome(problem, found)]
-        if abs(out[-2].fit.cost - found.cost) < max(0.5, still * found.cost):
+        above = STANDSTILL * max(0.0, 1.0 - 1.0 / found.misfit)
+        if abs(out[-2].fit.cost - found.cost) < max(0.5, max(still, above) * found.cost):
             break
     best = min(out, key=lambda o: o.fit.cost)
     return [o.kept(best) for o in out]
@@ -255,14 +270,39 @@ def staged_fit(measured: Measured, model: Model, guesses: dict[str, Guess], effo
 
 
 def refined(measured: Measured, problem: Problem, starts: list[Outcome], effort: Effort) -> Staged:
-    """The fit of all steps from the best of the starts; a single axis' impurities are freed with it."""
-    begin = starts[0]
+    """The fit of all steps from the best of the starts; a single axis' impurities are freed with it, and other sharings
+    of its drive are fitted too."""
+    begin, others = starts[0], list[Outcome]()
     if len(measured.axes) == 1:
-        problem, _ = with_impurities(problem, begin.fit.point)
-        begin = best_shared_out(*with_impurities(begin.problem, begin.fit.point), effort)
+        problem, _ = with_impurities(problem, begin.fit.point, fine=True)
+        begin, *others = differently_shared(*with_impurities(begin.problem, begin.fit.point), effort)
     at = Point(begin.fit.point.shared, repeated(problem, begin.fit.point.local))
     ends = over_all_steps(measured, problem, at, effort)
-    return Staged(min(ends, key=lambda o: o.fit.cost), ends, starts)
+    return contested(measured, ends, starts, others)
+
+
+def contested(
+    measured: Measured, ends: list[Outcome], starts: list[Outcome], others: list[Outcome]
+) -> Staged:
+    """The best of passes over all steps and of fits from other sharings, which begin with the motors' motion of the
+    best. Where more than noise is left, the sharing is not what is wrong."""
+    best = lowest(ends)
+    if best.fit.misfit > CONTESTED:
+        return Staged(best, ends, starts)
+    tracks = [ends]
+    for other in others:
+        begun = fit(best.problem, Point(other.fit.point.shared, best.fit.point.local), RIVALS[0], 1.0)
+        if begun.cost < best.fit.cost + BEHIND and apart(begun, best.fit):
+            problem = following_force(measured, best.problem, begun)
+            again = Outcome(problem, fit(problem, begun.point, RIVALS[1], 0.3))
+            tracks.append([Outcome(best.problem, begun), again])
+    first, *rest = sorted(tracks, key=lambda track: lowest(track).fit.cost)
+    return Staged(lowest(first), first, starts, tuple(lowest(track) for track in rest))
+
+
+def lowest(ends: list[Outcome]) -> Outcome:
+    """The one with the lowest cost."""
+    return min(ends, key=lambda o: o.fit.cost)
 
 
 def over_all_steps(measured: Measured, problem: Problem, begin: Point, effort: Effort) -> list[Outcome]:
@@ -271,45 +311,59 @@ def over_all_steps(measured: Measured, problem: Problem, begin: Point, effort: E
     return passes(measured, problem, begin, effort.refine, following_force)
 
 
-def best_shared_out(few: Problem, begin: Point, effort: Effort) -> Outcome:
-    """The best of fits on the few steps from a point and from chains that are as soft and as heavy as it, differently
-    shared out.
+def differently_shared(
+    few: Problem, begin: Point, effort: Effort, enough: float = 0.0
+) -> list[Outcome]:
+    """Fits on the few steps from a point and from chains that are as soft and as heavy as it, differently shared out:
+    the best first, and those that are not the same minimum as one before. None is tried at a misfit of `enough`.
 
     Which part of the drive is soft and which is heavy shows in little but the onset of the contact, and each sharing
     has a minimum of its own: fitted without impurities, a bent contact is taken for a stiff one on a soft pinion.
     """
     found = fit(few, begin, effort.brief, 0.3)
-    if effort.sharings and found.misfit > ONLY_NOISE:
-        points = [
-            Point(shared_out(few.model, found.point.shared, *way), found.point.local) for way in SHARINGS
-        ]
-        begun = sorted((fit(few, point, GLIMPSE, 1.0) for point in points), key=lambda f: f.cost)
-        ends = (fit(few, f.point, effort.brief, 0.3) for f in begun[:PROMISING])
-        found = min((found, *ends), key=lambda f: f.cost)
-    return Outcome(few, found)
+    if not effort.sharings or found.misfit < enough:
+        return [Outcome(few, found)]
+    points = [Point(shared_out(few.model, found.point.shared, *way), found.point.local) for way in SHARINGS]
+    begun = sorted((fit(few, point, GLIMPSE, 1.0) for point in points), key=lambda f: f.cost)
+    ends = [found, *(fit(few, f.point, effort.brief, 0.3) for f in begun[:PROMISING])]
+    kept: list[Fit] = []
+    for end in sorted(ends, key=lambda f: f.cost):
+        if all(apart(end, other) for other in kept):
+            kept.append(end)
+    return [Outcome(few, end) for end in kept]
+
+
+def apart(one: Fit, other: Fit) -> bool:
+    """Whether two fits of one problem are further apart than the noise makes them."""
+    difference = one.point.shared - other.point.shared
+    return float(difference @ np.linalg.pinv(other.covariance) @ difference) > APART**2
 
 
 def shared_out(
     model: Model, shared: FloatArray, soft: tuple[float, ...], heavy: tuple[float, ...]
 ) -> FloatArray:
-    """Coordinates (P,) of a chain as soft and as heavy as the given one: the shares of gear, pinion and contact in the
-    compliance, and of gear and pinion in the mass."""
+    """Coordinates (P,) of a chain as soft, as heavy and as damped as the given one: the shares of gear, pinion and
+    contact in the compliance, and of gear and pinion in the mass; each link is damped by its share of the softness."""
     values = {p.name: float(p.value(u)) for p, u in zip(model.parameters, shared, strict=True)}
-    links = LINKS[model.lumps]
+    links = (*LINKS[model.lumps], "contact")
     for axis in model.axes:
-        compliance = sum(1.0 / values[f"{axis}.{link}_stiffness"] for link in (*links, "contact"))
-        mass = sum(values[f"{axis}.{link}_mass"] for link in links)
-        for link, share in zip((*links, "contact"), soft, strict=True):
-            values[f"{axis}.{link}_stiffness"] = 1.0 / (share * compliance)
-        for link, share in zip(links, heavy, strict=True):
+        k = np.array([values[f"{axis}.{link}_stiffness"] for link in links])
+        zeta = np.array([values[f"{axis}.{link}_damping_ratio"] for link in links])
+        compliance, mass = np.sum(1.0 / k), sum(values[f"{axis}.{link}_mass"] for link in links[:-1])
+        lasting = float(np.sum(2.0 * zeta * k**-1.5) / compliance)
+        for link, share in zip(links, soft, strict=True):
+            stiffness = 1.0 / (share * compliance)
+            values[f"{axis}.{link}_stiffness"] = stiffness
+            values[f"{axis}.{link}_damping_ratio"] = 0.5 * lasting * np.sqrt(stiffness)
+        for link, share in zip(links[:-1], heavy, strict=True):
             values[f"{axis}.{link}_mass"] = share * mass
     return np.array([float(p.internal(values[p.name])) for p in model.parameters])
 
 
-def with_impurities(problem: Problem, begin: Point) -> tuple[Problem, Point]:
+def with_impurities(problem: Problem, begin: Point, fine: bool = False) -> tuple[Problem, Point]:
     """The problem with what its axes do a little beyond the paper's model as further parameters, which begin at
     nothing."""
-    model = replace(problem.model, effects=impurities(problem))
+    model = replace(problem.model, effects=impurities(problem, fine))
     more = len(model.parameters) - len(problem.model.parameters)
     free = problem.free + (True,) * more
     shared = np.concatenate((begin.shared, np.zeros(more)))

@@ -2,6 +2,8 @@
 
 Contact states of a gap: 0 lower flank, 1 in the gap, 2 upper flank. A flank's approach δ and its force over k are
 linear forms of z with few entries, which are listed: where they are (2·G, M), how many (2·G,), and both forms' there.
+With them goes which gap each one lies behind (G,), -1 where it is a flank of its own: a deeper piece of a flank touches
+only where the piece before it does, and parts with it.
 """
 
 from __future__ import annotations
@@ -20,7 +22,7 @@ CLOSE = 1e-10
 @within
 def touching(flanks, g, side, z):
     """Whether a flank touches and pushes: whether its approach and its force are both positive."""
-    place, many, delta, force = flanks
+    place, many, delta, force, _ = flanks
     near, push = 0.0, 0.0
     for m in range(many[2 * g + side]):
         near += delta[2 * g + side, m] * z[place[2 * g + side, m]]
@@ -34,13 +36,25 @@ def touching(flanks, g, side, z):
 @within
 def contact_modes(flanks, z, out):
     """Contact states of all gaps into out."""
+    behind = flanks[4]
     for g in range(len(out)):
-        if touching(flanks, g, 1, z):
+        if behind[g] >= 0:
+            before = out[behind[g]]
+            out[g] = before if before != 1 and touching(flanks, g, before // 2, z) else 1
+        elif touching(flanks, g, 1, z):
             out[g] = 2
         elif touching(flanks, g, 0, z):
             out[g] = 0
         else:
             out[g] = 1
+
+
+@within
+def parted(behind, modes):
+    """The pieces of flanks that touch no more let go as well, in modes."""
+    for g in range(len(modes)):
+        if behind[g] >= 0 and modes[behind[g]] == 1:
+            modes[g] = 1
 
 
 @within
@@ -108,7 +122,7 @@ def crossing(polynomials, many, left):
 @lean
 def polynomials_of(flanks, g, side, D, many, out):
     """Approach and force of a flank along a series, into out (…, 2)."""
-    place, entries, delta, force = flanks
+    place, entries, delta, force, _ = flanks
     for i in range(many):
         near, push = 0.0, 0.0
         for m in range(entries[2 * g + side]):
@@ -143,6 +157,7 @@ def through_piece(machine, flanks, sizes, z, modes, left, scratch):
             return
         state_at(D, many, n, first, z)
         modes[at] = 1 if modes[at] != 1 else end[at]
+        parted(flanks[4], modes)
         left -= first
         if left <= 0.0:
             return

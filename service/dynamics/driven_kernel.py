@@ -155,7 +155,8 @@ def propagate(
     ----------
     machines : A (S, n, n), B (S, n, U), push (S, G, 2, n), law (S, G, 2) being k and d, and the forms of the flanks'
         forces over k (S, G, 2, W)
-    flanks : entries of the forms of approach and force: place and many of all sets, both forms' (S, 2·G, M)
+    flanks : entries of the forms of approach and force: place and many of all sets, both forms' (S, 2·G, M); the gap
+        that each one lies behind (G,)
     curves : entries of their forms: place (Q, M) and many (Q,) of all sets, sizes (S, Q, M); first point and spacing
         (S, Q, 2) and tables (S, Q, P)
     motion : x0 (S, T, n), c (S, T, K, X·J), constants (T, C)
@@ -164,7 +165,7 @@ def propagate(
         slots, how many, and by slot over a piece and over a whole interval
     scratch : of one_machine, of the exponentials, of events, and whether a form sees an input that changes
     """
-    place, many, delta, force = flanks
+    place, many, delta, force, behind = flanks
     bent_place, bent_many, bent_size, extent, table = curves
     for s in range(len(out)):
         store = stores[0]
@@ -175,7 +176,7 @@ def propagate(
         if fastest[s] * h < HOPELESS:
             one_machine(
                 (machines[0][s], machines[1][s], machines[2][s], machines[3][s], machines[4][s]),
-                (place, many, delta[s], force[s]),
+                (place, many, delta[s], force[s], behind),
                 (bent_place, bent_many, bent_size[s], extent[s], table[s]),
                 (motion[0][s], motion[1][s], motion[2]),
                 (h, fastest[s]),

@@ -89,6 +89,7 @@ class LinearSystem:
         of positions only, or of anything if the flank has no damper
     push : (S, G, 2, n) what a unit of the flank's force adds to the states' rates
     k, d : (S, G) contact stiffness [1/s²] and damping [1/s]
+    behind : (G,) of a deeper piece of a flank the gap of the piece before it, which it parts with; else -1
     curves : forces given as tables
     guides : friction of each axis, put into the matrices last
     """
@@ -100,6 +101,7 @@ class LinearSystem:
     push: FloatArray
     k: FloatArray
     d: FloatArray
+    behind: NDArray[np.int64]
     curves: list[Curve] = field(default_factory=list)
     guides: list[Guide] = field(default_factory=list)
 
@@ -115,6 +117,7 @@ class LinearSystem:
             np.zeros((sets, gaps, 2, n)),
             np.zeros((sets, gaps)),
             np.zeros((sets, gaps)),
+            np.full(gaps, -1),
         )
 
     @property
@@ -180,7 +183,9 @@ def run(system: LinearSystem, x0: FloatArray, c: FloatArray, constants: FloatArr
     G = system.k.shape[1]
     B, of, extent, table = tabulated(system)
     law, forced = np.stack((system.k, system.d), axis=2), forced_forms(system)
-    flanks = entries(*(form.reshape(S, 2 * G, n + U) for form in (system.approach, forced)))
+    holding = np.where((system.behind < 0)[:, None, None], forced, system.approach)
+    listed = entries(*(form.reshape(S, 2 * G, n + U) for form in (system.approach, holding)))
+    flanks = (*listed, system.behind)
     bent = entries(of)
     out = np.empty((*c.shape[:2], c.shape[2] + 1, n))
     propagate(
@@ -195,7 +200,7 @@ def run(system: LinearSystem, x0: FloatArray, c: FloatArray, constants: FloatArr
         h,
         fastest(system),
         (room_for_exponentials(G, n, U), room_for_exponentials(G, n, U)),
-        (*room_for_steps(G, n, U), any(changing(system, *listed[:2]) for listed in (flanks, bent))),
+        (*room_for_steps(G, n, U), any(changing(system, *forms[:2]) for forms in (flanks, bent))),
         out,
     )
     return out

@@ -13,7 +13,7 @@ from service.dynamics.driven import simulate
 from service.dynamics.driven_model import Model
 from service.dynamics.driven_motion import coefficients, plain_motion
 from service.dynamics.effects.driven_library import DRIVEN
-from service.dynamics.effects.driven_transmission import BENDS, stiffening
+from service.dynamics.effects.driven_transmission import BENDS, damping, stiffening
 from service.recording import FloatArray, Trace
 
 H, K, BEGIN = 2.5e-4, 340, -0.002
@@ -114,14 +114,7 @@ class Plain:
         d = 2 * self.v["contact_damping_ratio"] * np.sqrt(k)
         if not self.get("bend"):
             return one_sided(s, rate, half, k, d)
-        pieces = zip(BENDS, self.shares(self.e["bend"]), strict=False)
-        return sum(one_sided(s, rate, half + at * 4.0 / k, share * k, share * d) for at, share in pieces)
-
-    @staticmethod
-    @cache
-    def shares(bend: float) -> tuple[float, ...]:
-        """Of the pieces that a bent flank is made of; the law that they stand for has a test of its own."""
-        return tuple(stiffening(np.array([bend]))[0])
+        return bent_flank(s, rate, half, k, d, self.e["bend"])
 
     def rates(self, t: float, z: FloatArray) -> list[float]:
         xp, vp, x, v, xh, vh, xb, vb = z
@@ -154,6 +147,24 @@ def one_sided(s: float, r: float, half: float, k: float, d: float) -> float:
     beyond = s - float(np.clip(s, -half, half))
     force = k * beyond + d * r * (beyond != 0.0)
     return force if force * beyond > 0.0 else 0.0
+
+
+def bent_flank(s: float, r: float, half: float, k: float, d: float, bend: float) -> float:
+    """The pieces that are reached, as long as the first one pushes."""
+    deep, rate, force = abs(s) - half, r * float(np.sign(s)), 0.0
+    for piece, (at, stiff, damped) in enumerate(zip(BENDS, *shares(bend), strict=False)):
+        more = stiff * k * (deep - at * 4.0 / k) + damped * d * rate
+        if deep <= at * 4.0 / k or (piece == 0 and more <= 0.0):
+            break
+        force += more
+    return force * float(np.sign(s))
+
+
+@cache
+def shares(bend: float) -> tuple[tuple[float, ...], ...]:
+    """Of the pieces in stiffness and damping; the law that they stand for has a test of its own."""
+    found = np.array([bend])
+    return tuple(stiffening(found)[0]), tuple(damping(found)[0])
 
 
 def driven(

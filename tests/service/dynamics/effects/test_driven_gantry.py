@@ -10,7 +10,13 @@ from service.dynamics import driven_propagation
 from service.dynamics.driven import simulate
 from service.dynamics.driven_model import Model
 from service.dynamics.driven_motion import coefficients, plain_motion
-from service.dynamics.effects.driven_transmission import BENDS, TYPICAL_PUSH, DrivenBentContact, stiffening
+from service.dynamics.effects.driven_transmission import (
+    BENDS,
+    TYPICAL_PUSH,
+    DrivenBentContact,
+    damping,
+    stiffening,
+)
 from service.recording import FloatArray, Trace
 
 H, K = 2.5e-4, 340
@@ -45,12 +51,16 @@ def law(axis: str, link: str) -> tuple[float, float]:
 
 
 def contact(axis: str, s: float, r: float) -> float:
-    """The force of the pieces of a bent flank, none of which ever pulls."""
-    (k, d), total = law(axis, "contact"), 0.0
-    for begin, share in zip(BENDS, stiffening(np.array([GIVEN[f"{axis}.bend"]]))[0], strict=False):
+    """The force of the pieces of a bent flank that are reached, as long as the first one pushes."""
+    (k, d), bend, total = law(axis, "contact"), np.array([GIVEN[f"{axis}.bend"]]), 0.0
+    for piece, (begin, stiff, damped) in enumerate(
+        zip(BENDS, stiffening(bend)[0], damping(bend)[0], strict=False)
+    ):
         deep = abs(s) - 0.5 * GIVEN[f"{axis}.backlash"] - begin * TYPICAL_PUSH / k
-        if deep > 0.0:
-            total += share * max(0.0, k * deep + d * r * float(np.sign(s)))
+        more = stiff * k * deep + damped * d * r * float(np.sign(s))
+        if deep <= 0.0 or (piece == 0 and more <= 0.0):
+            break
+        total += more
     return total * float(np.sign(s))
 
 
