@@ -13,6 +13,7 @@ from service.backlash.model_fit_data import Measured, problem_of
 from service.backlash.model_fit_motion import with_following_motors
 from service.backlash.model_fit_problem import Problem, fit
 from service.backlash.model_fit_stages import (
+    HOPELESS,
     NEARER,
     Effort,
     Outcome,
@@ -75,7 +76,7 @@ def followed(measured: Measured, found: Staged) -> Staged:
     """The same with passes in which the motor follows, where more than noise is left and for as long as each is better
     than the one before."""
     best, ends = found.best, list(found.ends)
-    for rounds in FOLLOWING if best.fit.misfit > FOLLOWED else ():
+    for rounds in FOLLOWING if FOLLOWED < best.fit.misfit < HOPELESS else ():
         motors = with_following_motors(measured, replace(best.problem, echoes=()), best.fit)
         end = Outcome(motors, fit(motors, best.fit.point, rounds, 0.3))
         if end.fit.cost > best.fit.cost:
