@@ -311,9 +311,7 @@ def over_all_steps(measured: Measured, problem: Problem, begin: Point, effort: E
     return passes(measured, problem, begin, effort.refine, following_force)
 
 
-def differently_shared(
-    few: Problem, begin: Point, effort: Effort, enough: float = 0.0
-) -> list[Outcome]:
+def differently_shared(few: Problem, begin: Point, effort: Effort, enough: float = 0.0) -> list[Outcome]:
     """Fits on the few steps from a point and from chains that are as soft and as heavy as it, differently shared out:
     the best first, and those that are not the same minimum as one before. None is tried at a misfit of `enough`.
 
