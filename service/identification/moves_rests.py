@@ -21,7 +21,7 @@ from service.recording import FloatArray
 
 LONGEST = 4.0
 """Time from one move to the next after which nothing swings any more [s]."""
-KNOWN = (0.3, 0.1, 0.03)
+KNOWN = (0.3, 0.3, 0.1, 0.03)
 """Shares of its prior's width that are left of a swing's coordinate where the move before says how it begins: tried one
 after the other, for a swing is left by the move before, and by the one before that."""
 

@@ -116,16 +116,15 @@ def settled(found: Fitted, rounds: int) -> Fitted:
 
 
 def swung_in(moves: Sequence[Moves], model: Model, at: Point, rounds: int) -> Fitted:
-    """The fit continued, every move beginning as the move before it left what swings, the more closely the better that
-    is known: as long as the moves are described as well."""
-    found = fit(moves, model, at, rounds)
+    """The fit continued, every move beginning as the move before it left what swings, as closely as the moves are
+    described as well."""
+    found = closer = fit(moves, model, at, rounds)
+    best = found
     for known in KNOWN if swings_at_all(model) else ():
-        moves, at = swinging_on(found.moves, model, found.at, min(known, how_known(found.moves)))
+        moves, at = swinging_on(closer.moves, model, closer.at, min(known, how_known(found.moves)))
         closer = fit(moves, model, at, rounds)
-        if closer.rms > WORSE * found.rms:
-            break
-        found = closer
-    return found
+        best = closer if closer.rms < WORSE * found.rms else best
+    return best
 
 
 def propose(
