@@ -26,6 +26,9 @@ LEFT_BY_CLEAN = 1.25
 """RMS over what is expected up to which nothing is searched for (chosen)."""
 LEFT = 1.6
 """Held-out RMS over the noise up to which the named effects count as the whole explanation (chosen)."""
+LEFT_BY_ONE = 3.0
+"""The same for an effect that explains nearly all by itself: what it leaves is how its law differs from the machine's
+(chosen)."""
 SMALL, MATTERS = 1.6, (1e-6, 0.02)
 """What leaves no more than this RMS without it, and changes the backlash by less than so many metres or such a share,
 is an impurity too small to matter; and what leaves no more and has no name is not called missing (chosen)."""
@@ -76,7 +79,7 @@ def finding_of(selection: Selection[Explained]) -> tuple[Finding, tuple[str, ...
     if _immaterial(selection) and not (alone and shown(selection.before) > SMALL):
         return "none", ()
     error = left if len(selection.effects) == 1 else shown
-    if alone or error(selection.after) <= LEFT:
+    if error(selection.after) <= (LEFT_BY_ONE if alone else LEFT):
         return "effect", selection.effects
     return "unknown", ()
 

@@ -28,6 +28,7 @@ def trial(train: float, held_out: float) -> Trial[Any]:
         ((40.0, 40.0), (3.0, 6.0), ("hung_mass_mode",), "effect"),
         ((40.0, 40.0), (3.0, 6.0), ("sensor_latency", "sensor_gain", "gearbox_clearance"), "unknown"),
         ((9.0, 9.0), (5.0, 5.0), ("sensor_gain",), "unknown"),
+        ((66.0, 66.0), (15.0, 18.0), ("sensor_gain",), "unknown"),
     ],
 )
 def test_effects_are_named_when_they_leave_next_to_nothing(
