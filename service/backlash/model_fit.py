@@ -212,7 +212,8 @@ def judged(recording: Recording, measured: Measured, staged: Staged, beside: Bes
         # Where a partner holds the load a flank may be reached only just, in some steps, or in one direction.
         value, half = widened(partial(beside.rise, k), value, half, best.fit.misfit)
     results = tuple(one_step(recording, steps, t) for t in range(len(recording.moves)))
-    refusal = doubt(measured, best, x, steps) or wanting(value, half, steps)
+    held = best.problem.s if len(best.problem.model.axes) == 2 else None
+    refusal = doubt(measured, best, x, steps) or wanting(value, half, steps, held)
     if refusal:
         return refused(name, *refusal, results)
     return AxisResult(
@@ -255,12 +256,26 @@ def doubt(measured: Measured, best: Outcome, x: int, steps: StepValues) -> Refus
     return None
 
 
-def wanting(value: float, half: float, steps: StepValues) -> Refusal | None:
-    """Why the fit says nothing about the gap, None where it does."""
-    if not np.any(np.isfinite(steps.t2)):
+def wanting(
+    value: float, half: float, steps: StepValues, directions: FloatArray | None = None
+) -> Refusal | None:
+    """Why the fit says nothing about the gap, None where it does; `directions` (T,) of a gantry's steps.
+
+    A single axis' gap that is crossed in one direction is still what the load travels between two contacts. On a
+    gantry the distance of the two axes' zeros pulls at the bridge too, and only crossing both ways tells the two apart.
+    """
+    crossed = np.isfinite(steps.t2)
+    if not np.any(crossed):
         return Refusal(
             Reason.GAP_NOT_CROSSED,
             "The flanks changed sides in no step; the step is too short or slow for the gap or the load is held.",
+        )
+    if directions is not None and set(directions[crossed]) != set(directions):
+        return Refusal(
+            Reason.GAP_NOT_CROSSED,
+            "The flanks changed sides in one direction only; the partner holds the load against one flank in the "
+            "other, and where the gap ends there is not to be told from where the two axes' zeros lie: align the "
+            "axes, or choose a longer or faster step.",
         )
     if half > TOO_WIDE * value:
         return Refusal(

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from service.backlash.model_fit import model_fit, model_fit_axes
+from service.backlash.model_fit import StepValues, model_fit, model_fit_axes, wanting
 from service.backlash.results import Reason
 from service.captures import read_capture
 from service.recording import AxisDescription, Move, Recording, Trace
@@ -77,3 +77,36 @@ def test_a_gantry_that_was_not_declared_gives_no_wrong_value(shared_dir: Path, n
         assert result.reason in (Reason.MISFIT, Reason.STEPS_DISAGREE, Reason.INTERVAL_TOO_WIDE)
     else:
         assert result.interval_95[0] <= truth <= result.interval_95[1]
+
+
+BOTH_WAYS = np.array([1.0, -1.0, 1.0, -1.0])
+
+
+def crossing(*steps: bool) -> StepValues:
+    """Steps of a gap of 50 µm, in some of which the flanks changed sides."""
+    at = np.where(steps, 0.02, np.nan)
+    return StepValues(np.full(len(at), 5e-5), at - 0.01, at)
+
+
+@pytest.mark.parametrize(
+    ("steps", "reason"),
+    [
+        (crossing(True, True, True, True), None),
+        (crossing(True, False, False, True), None),
+        (crossing(True, False, True, False), Reason.GAP_NOT_CROSSED),
+        (crossing(False, True, False, False), Reason.GAP_NOT_CROSSED),
+        (crossing(False, False, False, False), Reason.GAP_NOT_CROSSED),
+    ],
+)
+def test_a_gantry_crosses_the_gap_both_ways_or_is_refused(steps: StepValues, reason: Reason | None) -> None:
+    """The partner may hold the load against one flank; where the gap ends there, the fit cannot know."""
+    refusal = wanting(5e-5, 0.5e-6, steps, BOTH_WAYS)
+    assert (refusal and refusal.reason) == reason
+
+
+def test_a_gap_crossed_in_one_direction_is_a_single_axis_gap() -> None:
+    assert wanting(5e-5, 0.5e-6, crossing(True, False, True, False)) is None
+
+
+def test_a_gantry_moved_in_one_direction_only_needs_no_other() -> None:
+    assert wanting(5e-5, 0.5e-6, crossing(True, True), np.array([1.0, 1.0])) is None
