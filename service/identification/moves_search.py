@@ -107,22 +107,21 @@ def settled(found: Fitted, rounds: int) -> Fitted:
     """The fit continued with the motors' motion reconstructed from it. One that is not near begins once more with the
     numbers put back that a wrong model drives into a corner."""
     moves = reconstructed(found)
-    on = swung_in(moves, found.model, found.at, rounds)
-    if on.rms < ENDED:
-        return on
-    put_back = {name: v for name, v in values_at(found).items() if not name.endswith(PUT_BACK)}
-    again = swung_in(on.moves, found.model, begun_at(on.moves, found.model, put_back, on.at.local), rounds)
-    return min(on, again, key=lambda f: f.rms)
+    on = fit(moves, found.model, found.at, rounds)
+    if on.rms >= ENDED:
+        put_back = {name: v for name, v in values_at(found).items() if not name.endswith(PUT_BACK)}
+        at = begun_at(moves, found.model, put_back, found.at.local)
+        on = min(on, fit(moves, found.model, at, rounds), key=lambda f: f.rms)
+    return swung_in(on)
 
 
-def swung_in(moves: Sequence[Moves], model: Model, at: Point, rounds: int) -> Fitted:
+def swung_in(found: Fitted) -> Fitted:
     """The fit continued, every move beginning as the move before it left what swings, as closely as the moves are
     described as well."""
-    found = closer = fit(moves, model, at, rounds)
-    best = found
-    for known in KNOWN if swings_at_all(model) else ():
-        moves, at = swinging_on(closer.moves, model, closer.at, min(known, how_known(found.moves)))
-        closer = fit(moves, model, at, rounds)
+    closer = best = found
+    for known in KNOWN if swings_at_all(found.model) else ():
+        moves, at = swinging_on(closer.moves, found.model, closer.at, min(known, how_known(found.moves)))
+        closer = fit(moves, found.model, at, ROUNDS)
         best = closer if closer.rms < WORSE * found.rms else best
     return best
 

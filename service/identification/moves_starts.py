@@ -29,6 +29,8 @@ from service.recording import FloatArray
 
 SHAPES = 2
 """Shapes of an effect from which it is started at each place, the best by the score."""
+PLACED = 3
+"""The same for its own numbers alone, of an effect that swings: a spectrum of few periods has several maxima."""
 APART = 0.5
 """Difference in any of an effect's numbers, in standard deviations of its prior, that makes it another."""
 FEW, BRIEF = 4, 5
@@ -139,11 +141,12 @@ def begun(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:
     return out
 
 
-def placed(place: Fitted, candidate: Candidate) -> Fitted:
-    """The effect's own numbers fitted alone where the present model is put at one of the scene's places."""
+def placed(place: Fitted, candidate: Candidate, shape: int = 0) -> Fitted:
+    """The effect's own numbers fitted alone, begun with one of its shapes, the best by the score first, where the
+    present model is put at one of the scene's places."""
     names = [p.name for p in candidate.model.parameters]
     own = np.array([names.index(p.name) for p in candidate.effect.parameters])
-    at = point_at(candidate.model, scored(place, candidate, values_at(place))[0], place.moves)
+    at = point_at(candidate.model, scored(place, candidate, values_at(place))[shape], place.moves)
     return fit(place.moves, candidate.model, at, BRIEF, free=own)
 
 
@@ -184,7 +187,8 @@ def compared(scene: Scene, found: Fitted, at_places: Sequence[Fitted], candidate
     another shape of the effect."""
     few = fewer(found)
     starts = [point_at(candidate.model, values, few) for values in begun(scene, found, candidate)]
-    starts += [placed(place, candidate).at for place in at_places]
+    shapes = min(PLACED if candidate.effect.states else 1, len(candidate.effect.shapes))
+    starts += [placed(place, candidate, k).at for place in at_places for k in range(shapes)]
     brief = [fit(few, candidate.model, at, BRIEF) for at in starts]
     other = softer_contact(values_at(min(brief, key=lambda f: f.rms)), candidate.model)
     if other:
