@@ -243,8 +243,8 @@ def _evidence(held: Held, selection: Selection[Explained], finding: Finding, axi
         tie = float(np.corrcoef(errors[both], other[both])[0, 1])
         lines.append(f"correlation with the partner's residual: {tie:.2f}")
     lines.append(
-        "where the pinion stands in its gap is found again in the first 45 % of every held-out move, the sensor's "
-        "zero at rest"
+        "where the pinion stands in its gap, and what swings there, is found again in the first 45 % of every held-out "
+        "move; the sensor's zero at rest, or as the mean of the recording where something swings in the rests"
     )
     if selection.before.model.fitted.model.bridge and len(held.moves.axes) == 2:
         lines.append(

@@ -30,7 +30,8 @@ from service.recording import FloatArray
 SHAPES = 2
 """Shapes of an effect from which it is started at each place, the best by the score."""
 PLACED = 3
-"""The same for its own numbers alone, of an effect that swings: a spectrum of few periods has several maxima."""
+"""Shapes with which the numbers of an effect that swings are fitted alone: a spectrum of few periods has several
+maxima."""
 APART = 0.5
 """Difference in any of an effect's numbers, in standard deviations of its prior, that makes it another."""
 FEW, BRIEF = 4, 5
