@@ -2,7 +2,8 @@
 
 Works off finished runs one after the other in a thread, which waits for the analysis process; the plain value
 stays in the store beside the refined one. Where the fit refuses the run itself, its refusal takes that place: the run
-ends refused, and tells which value it has shown until then.
+ends refused, and tells which value it has shown until then. Only an axis whose values come from an accepted revision is
+not refused for what the declared model lacks.
 """
 
 from __future__ import annotations
@@ -106,12 +107,14 @@ def _store(workshop: Workshop, run: RunRecord, results: Sequence[AxisResult]) ->
 
 
 def _shown(repository: Repository, run: RunRecord) -> dict[str, float]:
-    """The declared model's values that the run shows, by axis [m]."""
+    """The declared model's values that the run shows as those of its axes, by axis [m]."""
     outcomes = [value.outcome for value in repository.outcomes(run.id)]
     return {
         one.result.axis: one.result.backlash
         for one in outcomes
-        if one.reported and one.series == DECLARED and one.result.backlash is not None
+        if one.reported
+        and one.series == repository.axis(one.result.axis).series == DECLARED
+        and one.result.backlash is not None
     }
 
 

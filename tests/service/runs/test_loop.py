@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from threading import Event
 
 import pytest
 
-from service.backlash.results import Reason
+from service.backlash.results import AxisResult, Reason
 from service.monitoring.alarm import AlarmEvent
 from service.runs.deciding import AxisGoneError
 from service.runs.pairs import NothingToExplain, training_runs
+from service.runs.refinement import refine
 from service.runs.workbench import MOST_WAITING, Workbench
 from service.store.errors import AlreadyDecidedError, UnknownRecordError
 from service.store.model_records import ExplanationRecord, RevisionRecord
 from service.store.records import DECLARED, StepParameters
-from tests.service.runs.bench import TRUE_B, WRONG_B, Bench
+from tests.service.runs.bench import TRUE_B, WRONG_B, Bench, NoteReader
 
 EFFECT = "sensor_latency"
 
@@ -117,6 +120,22 @@ def test_a_run_that_the_revision_does_not_explain_is_refused_in_its_series(
     latest = bench.repository.values("Y", limit=1)[0]
     assert (latest.run_id, latest.outcome.result.verdict) == (other, "refused")
     assert "does not explain" in (latest.outcome.result.detail or "")
+
+
+def test_a_run_is_not_refused_for_what_the_declared_model_lacks_once_a_revision_has_it(
+    bench: Bench, workbench: Workbench
+) -> None:
+    class Refuses(NoteReader):
+        def refined(self, path: Path, sha256: str) -> Sequence[AxisResult]:
+            return (AxisResult("Y", "refused", "another_fit", Reason.MISFIT, "the model lacks something"),)
+
+    nights(bench, workbench, EFFECT, EFFECT, EFFECT)
+    workbench.decide(proposed(bench)[0].id, accept=True, by="A. Smith", note=None)
+    after = night(bench, workbench, EFFECT)
+    refine(replace(bench.workshop, analysis=Refuses()), after)
+    assert bench.repository.run(after).state == "ok"
+    latest = bench.repository.values("Y", limit=1)[0]
+    assert (latest.run_id, latest.outcome.result.backlash) == (after, TRUE_B)
 
 
 def test_no_drift_alarm_for_the_effect_alone_once_it_is_accepted(bench: Bench, workbench: Workbench) -> None:
