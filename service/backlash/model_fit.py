@@ -32,6 +32,7 @@ from service.backlash.model_fit_profile import widened
 from service.backlash.model_fit_rivals import weighed
 from service.backlash.model_fit_single import single_fit
 from service.backlash.model_fit_stages import (
+    HOPELESS,
     Effort,
     Outcome,
     Staged,
@@ -230,6 +231,12 @@ def judged(recording: Recording, measured: Measured, staged: Staged, beside: Bes
 def doubt(measured: Measured, best: Outcome, x: int, steps: StepValues) -> Refusal | None:
     """Why the model cannot be that of the machine, None where it can."""
     share, strange = unexplained(measured, best), far_out(best, x)
+    if not best.fit.misfit < HOPELESS:
+        return Refusal(
+            Reason.MISFIT,
+            "No fit came near the recording from any of its starts: the model is far from the machine, or the channels "
+            "do not belong together. Look at the recording; if it looks like any other, please report it.",
+        )
     if best.fit.misfit > MISFIT_LIMIT and share > UNEXPLAINED:
         return Refusal(
             Reason.MISFIT,

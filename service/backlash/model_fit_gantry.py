@@ -18,6 +18,7 @@ from service.backlash.model_fit_data import Measured, measure, problem_of, with_
 from service.backlash.model_fit_motion import with_following_motors
 from service.backlash.model_fit_problem import Fit, Point, Problem, fit
 from service.backlash.model_fit_stages import (
+    HOPELESS,
     NEARER,
     Effort,
     Outcome,
@@ -163,6 +164,8 @@ def over_all_steps(measured: Measured, problem: Problem, begin: Point, effort: E
     problem, at = settled(measured, problem, begin, SETTLED, with_reconstructed_motion)
     plain = passes(measured, problem, at, effort.refine, with_reconstructed_motion)
     best = min(plain, key=lambda o: o.fit.cost)
+    if not best.fit.misfit < HOPELESS:
+        return plain
     return plain + passes(
         measured,
         with_following_motors(measured, best.problem, best.fit),

@@ -5,10 +5,14 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 
+from service.backlash import model_fit, model_fit_gantry
 from service.backlash.model_fit import model_fit_axes
+from service.backlash.results import Reason
 from service.captures import read_capture
 from service.recording import Recording
 
@@ -43,3 +47,18 @@ def test_a_gantry_that_one_search_does_not_solve_is_answered(shared_dir: Path) -
         assert result.verdict == "ok", result.detail
         assert result.backlash is not None
         assert abs(result.backlash - truth[axis]) < max(0.5e-6, 0.01 * truth[axis])
+
+
+def test_where_no_start_comes_near_no_motor_follows_and_the_run_is_refused(monkeypatch: Any) -> None:
+    """Forces of a fit that ran away are no numbers: nothing is computed from them."""
+    away = cast(Any, SimpleNamespace(problem=None, fit=SimpleNamespace(misfit=1e16, cost=np.inf, point=None)))
+    monkeypatch.setattr(model_fit_gantry, "settled", lambda *_: (None, None))
+    monkeypatch.setattr(model_fit_gantry, "passes", lambda *_: [away])
+    found = model_fit_gantry.over_all_steps(*cast(Any, (None, None, None)), model_fit.GANTRY)
+    assert found == [away]
+    monkeypatch.setattr(model_fit, "unexplained", lambda *_: np.nan)
+    monkeypatch.setattr(model_fit, "far_out", lambda *_: "")
+    refusal = model_fit.doubt(*cast(Any, (None, away, 0, None)))
+    assert refusal is not None
+    assert refusal.reason == Reason.MISFIT
+    assert "No fit came near" in refusal.detail
