@@ -34,7 +34,9 @@ SMALL, MATTERS = 1.6, (1e-6, 0.02)
 is an impurity too small to matter; and what leaves no more and has no name is not called missing (chosen)."""
 CHANGED = 4.0
 """Held-out RMS from which on the machine is not what it was in the train recordings, however well it fits these: what
-impurities too small to matter leave there is less (chosen)."""
+impurities too small to matter leave there is less, and so does what has its right name (chosen)."""
+PART = 0.5
+"""Share of the excess variance that has to be explained for a name: less is a part of something else (chosen)."""
 CROSSED = 0.6
 """Share of a move at which its gap is crossed, about: after the top speed, at two thirds of the braking."""
 STRUCTURE = (0.11e-6, 1.2e-3)
@@ -79,7 +81,9 @@ def finding_of(selection: Selection[Explained]) -> tuple[Finding, tuple[str, ...
     if _immaterial(selection) and not (alone and shown(selection.before) > SMALL):
         return "none", ()
     error = left if len(selection.effects) == 1 else shown
-    if error(selection.after) <= (LEFT_BY_ONE if alone else LEFT):
+    after = selection.after
+    near = error(after) <= (LEFT_BY_ONE if alone else LEFT) and after.validation_rms <= CHANGED
+    if near and explained(selection.before, after, PART):
         return "effect", selection.effects
     return "unknown", ()
 

@@ -88,9 +88,9 @@ def shown(trial: Trial[ModelT]) -> float:
     return max(trial.train_rms, trial.validation_rms / UNKNOWN_NUMBERS)
 
 
-def explained(before: Trial[ModelT], after: Trial[ModelT]) -> bool:
-    """Whether nearly all of the held-out variance beyond what is expected is gone."""
-    return after.validation_rms**2 - 1.0 <= (1.0 - EXPLAINED) * (before.validation_rms**2 - 1.0)
+def explained(before: Trial[ModelT], after: Trial[ModelT], share: float = EXPLAINED) -> bool:
+    """Whether so large a share of the held-out variance beyond what is expected is gone; by default nearly all."""
+    return after.validation_rms**2 - 1.0 <= (1.0 - share) * (before.validation_rms**2 - 1.0)
 
 
 def distance(trial: Trial[ModelT]) -> float:
