@@ -224,7 +224,7 @@ def judged(recording: Recording, measured: Measured, staged: Staged, beside: Bes
         backlash=value,
         interval_95=(value - half, value + half),
         steps=results,
-        by_products=by_products(best.problem.model, best.fit, x),
+        by_products=by_products(best.fit, beside.linear, x),
     )
 
 

@@ -152,14 +152,9 @@ def with_reconstructed_motion(
 ) -> Problem:
     """The problem with the motor's motion between its samples by the fit's force and the torque, eq. (1).
 
-    With `echoed` that motion of a single axis is let follow the force while the machine is fitted, where that
-    matters.
+    With `echoed` that motion is let follow the force while the machine is fitted, where that matters.
     """
-    echoed = (
-        echoed
-        and len(measured.axes) == 1
-        and any(swings_fast(measured, problem, fit, axis) for axis in measured.axes)
-    )
+    echoed = echoed and swings_fast(measured, problem, fit)
     kept = 0.0 if problem.force is None else KEPT
     motions, echoes = [], []
     for x, axis in enumerate(measured.axes):
@@ -179,12 +174,14 @@ def with_reconstructed_motion(
     )
 
 
-def swings_fast(measured: Measured, problem: Problem, fit: Fit, axis: str) -> bool:
-    """Whether the load on its drive swings so fast that a spline of the speed samples does not follow."""
-    speed = measured.recording.traces[axis, "motor_speed"]
-    links = (*LINKS[problem.model.lumps], "contact")
-    soft = sum(1.0 / fit.value(problem.model, f"{axis}.{link}_stiffness") for link in links)
-    return bool(np.median(np.diff(speed.time)) / (2.0 * np.pi * np.sqrt(soft)) > FOLLOWED)
+def swings_fast(measured: Measured, problem: Problem, fit: Fit) -> bool:
+    """Whether any load on its drive swings so fast that a spline of the speed samples does not follow."""
+    links, swings = (*LINKS[problem.model.lumps], "contact"), []
+    for axis in measured.axes:
+        period = float(np.median(np.diff(measured.recording.traces[axis, "motor_speed"].time)))
+        soft = sum(1.0 / fit.value(problem.model, f"{axis}.{link}_stiffness") for link in links)
+        swings.append(period / float(2.0 * np.pi * np.sqrt(soft)))
+    return max(swings) > FOLLOWED
 
 
 def reconstructed(

@@ -14,7 +14,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from service.backlash.model_fit_data import Measured, measure, problem_of, with_reconstructed_motion
+from service.backlash.model_fit_data import (
+    Measured,
+    measure,
+    problem_of,
+    swings_fast,
+    with_reconstructed_motion,
+)
 from service.backlash.model_fit_motion import with_following_motors
 from service.backlash.model_fit_problem import Fit, Point, Problem, fit
 from service.backlash.model_fit_stages import (
@@ -22,8 +28,10 @@ from service.backlash.model_fit_stages import (
     NEARER,
     Effort,
     Outcome,
+    Reconstruction,
     Staged,
     differently_shared,
+    following_force,
     local_spread,
     passes,
     repeated,
@@ -66,6 +74,20 @@ ENOUGH = 1.5
 SETTLED = 8
 """Cycles in which the motors' motion over all steps is made to agree with the machine that a few steps gave."""
 
+SOUND = 1.0
+"""Prior deviations within which masses and damping of the heavier chain begin: a lighter one that has lost its mass
+shares out next to nothing, and so light a pinion swings too fast to be simulated."""
+
+ANSWERED = 2
+"""Starts that are fitted further with motors that answer the forces."""
+
+ANSWERING = (3,) * 10
+"""Rounds of the passes in which the motors answer. Few between reconstructions: a machine that is fitted to the end on
+one of them takes the input's error into its parameters."""
+
+ANSWERING_ALL = (4, 4, 4)
+"""The same over all steps, where following motors come after them."""
+
 STILL = 0.03
 """Share of the cost by which a pass of the search has to lower it for another to follow."""
 
@@ -97,19 +119,47 @@ def explained(recording: Recording, axes: tuple[str, ...]) -> float:
 def simulated_from(measured: Measured, few: Problem, balanced: list[Fit], effort: Effort) -> Staged:
     """The stages that simulate, from what was found along the measured motion."""
     starts = starts_of(measured, few, balanced, effort)
+    motors: Reconstruction = with_reconstructed_motion
     heavy = problem_of(measured, Model(measured.axes, 2), local_spread(Model(measured.axes, 2)))
+    ends = carried(measured, heavy, starts, effort.heavier, motors)
+    found = min(ends, key=lambda o: o.fit.cost)
+    if found.fit.misfit > POOR and swings_fast(measured, found.problem, found.fit):
+        answering = [answered(measured, start) for start in starts[:ANSWERED]]
+        ends += carried(measured, heavy, answering, ANSWERING, following_force)
+        motors, found = following_force, min(ends, key=lambda o: o.fit.cost)
+        # How the drives are shared out shows once the motors move as they did.
+        effort = replace(effort, sharings=found.fit.misfit < POOR, refine=ANSWERING_ALL)
+    found = impure(measured, found, effort, motors)
+    whole = replace(heavy, model=found.problem.model, free=found.problem.free)
+    at = Point(found.fit.point.shared, repeated(whole, found.fit.point.local))
+    last = over_all_steps(measured, whole, at, effort, motors)
+    return Staged(min(last, key=lambda o: o.fit.cost), last, [*starts, *ends, found])
+
+
+def carried(
+    measured: Measured,
+    heavy: Problem,
+    starts: list[Outcome],
+    rounds: tuple[int, ...],
+    motors: Reconstruction,
+) -> list[Outcome]:
+    """The best starts carried on to gear and pinion, until one comes near."""
     ends: list[Outcome] = []
     for start in starts[:CARRIED]:
         if start.fit.misfit > ABANDONED * starts[0].fit.misfit:
             break
-        ends.append(with_gear_and_pinion(measured, heavy, start, effort))
+        ends.append(with_gear_and_pinion(measured, heavy, start, rounds, motors))
         if ends[-1].fit.misfit < ENOUGH:
             break
-    found = impure(measured, min(ends, key=lambda o: o.fit.cost), effort)
-    whole = replace(heavy, model=found.problem.model, free=found.problem.free)
-    at = Point(found.fit.point.shared, repeated(whole, found.fit.point.local))
-    last = over_all_steps(measured, whole, at, effort)
-    return Staged(min(last, key=lambda o: o.fit.cost), last, [*starts, *ends, found])
+    return ends
+
+
+def answered(measured: Measured, start: Outcome) -> Outcome:
+    """A start fitted further with motors that answer the forces while the machine is fitted."""
+    return min(
+        passes(measured, start.problem, start.fit.point, ANSWERING, following_force),
+        key=lambda o: o.fit.cost,
+    )
 
 
 def starts_of(measured: Measured, few: Problem, balanced: list[Fit], effort: Effort) -> list[Outcome]:
@@ -139,36 +189,40 @@ def balanced_fits(few: Problem, effort: Effort) -> list[Fit]:
     return sorted((fit(few, f.point, LONGER, 1.0) for f in begun[: effort.starts]), key=lambda f: f.cost)
 
 
-def with_gear_and_pinion(measured: Measured, heavy: Problem, start: Outcome, effort: Effort) -> Outcome:
+def with_gear_and_pinion(
+    measured: Measured, heavy: Problem, start: Outcome, rounds: tuple[int, ...], motors: Reconstruction
+) -> Outcome:
     """The fit of a few steps with two lumps per drive, from one with one and its motors' motion."""
     few = replace(heavy.first_steps(SEARCH_STEPS), motion=start.problem.motion, force=start.problem.force)
-    begin = Point(split(start.problem.model, start.fit, heavy.model), start.fit.point.local)
-    tried = passes(measured, few, begin, effort.heavier, with_reconstructed_motion, STILL)
+    begun = split(start.problem.model, start.fit, heavy.model)
+    drives = [p.name.endswith(("_mass", "_damping_ratio")) for p in heavy.model.parameters]
+    begun = np.where(drives, np.clip(begun, -SOUND, SOUND), begun)
+    tried = passes(measured, few, Point(begun, start.fit.point.local), rounds, motors, STILL)
     return min(tried, key=lambda o: o.fit.cost)
 
 
-def impure(measured: Measured, found: Outcome, effort: Effort) -> Outcome:
+def impure(measured: Measured, found: Outcome, effort: Effort, motors: Reconstruction) -> Outcome:
     """The fit of a few steps with what the axes do beyond the paper's model, the best of it and of drives that are as
     soft and heavy, differently shared out."""
     impure = with_impurities(found.problem, found.fit.point)
     shared = differently_shared(*impure, effort, ONLY_NOISE)[0]
-    tried = passes(
-        measured, shared.problem, shared.fit.point, effort.heavier, with_reconstructed_motion, STILL
-    )
+    tried = passes(measured, shared.problem, shared.fit.point, effort.heavier, motors, STILL)
     return min((shared, *tried), key=lambda o: o.fit.cost)
 
 
-def over_all_steps(measured: Measured, problem: Problem, begin: Point, effort: Effort) -> list[Outcome]:
+def over_all_steps(
+    measured: Measured, problem: Problem, begin: Point, effort: Effort, motors: Reconstruction
+) -> list[Outcome]:
     """Passes over all steps, the motors' motion first reconstructed by the forces of the last pass, then following
     them: the one settles from afar, the other holds where the load swings near half the rate of the samples."""
-    problem, at = settled(measured, problem, begin, SETTLED, with_reconstructed_motion)
-    plain = passes(measured, problem, at, effort.refine, with_reconstructed_motion)
+    problem, at = settled(measured, problem, begin, SETTLED, motors)
+    plain = passes(measured, problem, at, effort.refine, motors)
     best = min(plain, key=lambda o: o.fit.cost)
     if not best.fit.misfit < HOPELESS:
         return plain
     return plain + passes(
         measured,
-        with_following_motors(measured, best.problem, best.fit),
+        with_following_motors(measured, replace(best.problem, echoes=()), best.fit),
         best.fit.point,
         effort.following,
         with_following_motors,

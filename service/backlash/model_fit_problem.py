@@ -154,7 +154,6 @@ class Fit:
     Attributes
     ----------
     misfit : mean squared residual over noise², degrees of freedom taken off; 1 when only noise is left
-    covariance : (P, P) of the shared coordinates by the noise alone, local ones marginalised
     cost : half the sum of squares with priors, at true noise
     """
 
@@ -162,19 +161,11 @@ class Fit:
     response: Response
     misfit: float
     cost: float
-    covariance: FloatArray
 
     def value(self, model: Model, name: str) -> float:
         """One parameter in its own unit."""
         k = [p.name for p in model.parameters].index(name)
         return float(model.parameters[k].value(self.point.shared[k]))
-
-    def spread(self, model: Model, name: str) -> float:
-        """Standard deviation of one parameter in its own unit, first order."""
-        k = [p.name for p in model.parameters].index(name)
-        p, u = model.parameters[k], self.point.shared[k]
-        slope = float((p.value(u + 1e-4) - p.value(u - 1e-4)) / 2e-4)
-        return abs(slope) * float(np.sqrt(self.covariance[k, k]))
 
 
 def values_of(parameters: Sequence[Parameter], shared: FloatArray) -> dict[str, FloatArray]:
@@ -353,7 +344,7 @@ def fit(problem: Problem, start: Point, rounds: int = 25, tolerance: float = 0.0
     """
     at, damping = start, 1e-2
     response, r, J = jacobian(problem, at)
-    for _ in range(rounds if np.all(np.isfinite(r)) else 0):
+    for remaining in range(rounds if np.all(np.isfinite(r)) else 0, 0, -1):
         scale = max(1.0, float(np.sqrt(np.mean(r**2))))
         points = trials(problem, at, r, J, damping * LADDER)
         best, reached = best_trial(problem, [point for point, _ in points], scale)
@@ -364,19 +355,31 @@ def fit(problem: Problem, start: Point, rounds: int = 25, tolerance: float = 0.0
             damping *= 1e4
             continue
         at, damping = points[best][0], float(np.clip(points[best][1], 1e-6, 1e6))
-        response, r, J = jacobian(problem, at)
-        if gained < tolerance:
+        if gained < tolerance or remaining == 1:
+            response, r = answer(problem, at)
             break
-    return finished(problem, at, response, r, J)
+        response, r, J = jacobian(problem, at)
+    return finished(problem, at, response, r)
 
 
-def finished(problem: Problem, at: Point, response: Response, r: FloatArray, J: FloatArray) -> Fit:
-    """Misfit and covariance at the end of a fit."""
-    F = int(np.sum(problem.free))
+def answer(problem: Problem, at: Point) -> tuple[Response, FloatArray]:
+    """Response at a point, and residuals (N,)."""
+    course = course_at(problem, at.shared[None], at.local[None])
+    return problem.response(course), residuals(problem, problem.predicted(course))[0]
+
+
+def finished(problem: Problem, at: Point, response: Response, r: FloatArray) -> Fit:
+    """Misfit and cost at the end of a fit."""
     r = np.clip(np.nan_to_num(r, nan=OVERFLOWN), -OVERFLOWN, OVERFLOWN)
-    H = J.T @ J + np.eye(J.shape[1])
-    covariance = np.zeros((len(problem.free), len(problem.free)))
-    free = np.flatnonzero(problem.free)
-    covariance[np.ix_(free, free)] = np.linalg.inv(H)[:F, :F]
-    misfit = float(r @ r) / max(1, len(r) - J.shape[1])
-    return Fit(at, response, misfit, cost(problem, at, r, 1.0), covariance)
+    misfit = float(r @ r) / max(1, len(r) - sum(problem.free) - at.local.size)
+    return Fit(at, response, misfit, cost(problem, at, r, 1.0))
+
+
+def information(problem: Problem, at: Point) -> FloatArray:
+    """(P, P) on the shared coordinates by the noise and the priors, the local ones following; nothing on those that are
+    not free."""
+    _, _, J = jacobian(problem, at)
+    H, F, free = J.T @ J + np.eye(J.shape[1]), sum(problem.free), np.flatnonzero(problem.free)
+    out = np.zeros((len(problem.free), len(problem.free)))
+    out[np.ix_(free, free)] = H[:F, :F] - H[:F, F:] @ np.linalg.solve(H[F:, F:], H[F:, :F])
+    return out

@@ -13,7 +13,7 @@ import numpy as np
 
 from service.backlash.model_fit_data import Measured, problem_of, with_reconstructed_motion
 from service.backlash.model_fit_impurities import impurities
-from service.backlash.model_fit_problem import Fit, Point, Problem, fit
+from service.backlash.model_fit_problem import Fit, Point, Problem, fit, information
 from service.backlash.model_fit_start import SEARCH_STEPS, Guess, best_starts, candidates
 from service.dynamics.driven_model import LINKS, Model
 from service.recording import FloatArray
@@ -290,9 +290,10 @@ def contested(
     if best.fit.misfit > CONTESTED:
         return Staged(best, ends, starts)
     tracks = [ends]
+    sharp = information(best.problem, best.fit.point) if others else np.zeros(0)
     for other in others:
         begun = fit(best.problem, Point(other.fit.point.shared, best.fit.point.local), RIVALS[0], 1.0)
-        if begun.cost < best.fit.cost + BEHIND and apart(begun, best.fit):
+        if begun.cost < best.fit.cost + BEHIND and apart(begun, best.fit, sharp):
             problem = following_force(measured, best.problem, begun)
             again = Outcome(problem, fit(problem, begun.point, RIVALS[1], 0.3))
             tracks.append([Outcome(best.problem, begun), again])
@@ -324,17 +325,19 @@ def differently_shared(few: Problem, begin: Point, effort: Effort, enough: float
     points = [Point(shared_out(few.model, found.point.shared, *way), found.point.local) for way in SHARINGS]
     begun = sorted((fit(few, point, GLIMPSE, 1.0) for point in points), key=lambda f: f.cost)
     ends = [found, *(fit(few, f.point, effort.brief, 0.3) for f in begun[:PROMISING])]
-    kept: list[Fit] = []
+    kept, sharp = list[Fit](), list[FloatArray]()
     for end in sorted(ends, key=lambda f: f.cost):
-        if all(apart(end, other) for other in kept):
+        if all(apart(end, *other) for other in zip(kept, sharp, strict=True)):
             kept.append(end)
+            sharp.append(information(few, end.point))
     return [Outcome(few, end) for end in kept]
 
 
-def apart(one: Fit, other: Fit) -> bool:
-    """Whether two fits of one problem are further apart than the noise makes them."""
+def apart(one: Fit, other: Fit, sharp: FloatArray) -> bool:
+    """Whether two fits of one problem are further apart than the noise makes them; `sharp` (P, P) is the information
+    at the other."""
     difference = one.point.shared - other.point.shared
-    return float(difference @ np.linalg.pinv(other.covariance) @ difference) > APART**2
+    return float(difference @ sharp @ difference) > APART**2
 
 
 def shared_out(

@@ -54,7 +54,7 @@ def test_where_no_start_comes_near_no_motor_follows_and_the_run_is_refused(monke
     away = cast(Any, SimpleNamespace(problem=None, fit=SimpleNamespace(misfit=1e16, cost=np.inf, point=None)))
     monkeypatch.setattr(model_fit_gantry, "settled", lambda *_: (None, None))
     monkeypatch.setattr(model_fit_gantry, "passes", lambda *_: [away])
-    found = model_fit_gantry.over_all_steps(*cast(Any, (None, None, None)), model_fit.GANTRY)
+    found = model_fit_gantry.over_all_steps(*cast(Any, (None, None, None)), model_fit.GANTRY, cast(Any, None))
     assert found == [away]
     monkeypatch.setattr(model_fit, "unexplained", lambda *_: np.nan)
     monkeypatch.setattr(model_fit, "far_out", lambda *_: "")
