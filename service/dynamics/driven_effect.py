@@ -109,6 +109,11 @@ class DrivenEffect:
         return {}
 
     @property
+    def refined(self) -> DrivenEffect:
+        """The same effect as it is simulated for a value, where a search makes do with less."""
+        return self
+
+    @property
     def states(self) -> int:
         return 0
 

@@ -162,8 +162,8 @@ def propose(
 
 def ended(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
     """The fit of a model that may be the right one, begun once more with the machine of the estimator and of the smooth
-    fit, and continued while it gains."""
-    best = trial.model.fitted
+    fit, and continued while it gains; its effects as they are simulated for a value."""
+    best = in_full(trial.model.fitted)
     for place in (scene.rich, scene.smooth):
         if best.rms > ENDED:
             best = min(best, elsewhere(best, place), key=lambda f: f.rms)
@@ -173,6 +173,14 @@ def ended(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
         if gained < GAIN * best.rms:
             break
     return trial if best is trial.model.fitted else trial_of(scene, best)
+
+
+def in_full(found: Fitted) -> Fitted:
+    """The fit with its effects as they are simulated for a value."""
+    effects = tuple(effect.refined for effect in found.model.effects)
+    if effects == found.model.effects:
+        return found
+    return fit(found.moves, replace(found.model, effects=effects), found.at, ROUNDS)
 
 
 def elsewhere(found: Fitted, place: Values) -> Fitted:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -118,6 +118,10 @@ class DrivenBentContact(DrivenEffect):
     own: ClassVar[tuple[Parameter, ...]] = (
         Parameter("bend", "1", 0.0, 0.5, logarithmic=False, low=-0.5, high=1.5, dose=0.05),
     )
+
+    @property
+    def refined(self) -> DrivenBentContact:
+        return replace(self, bends=FINE)
 
     @property
     def gaps(self) -> int:
