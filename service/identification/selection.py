@@ -93,6 +93,12 @@ def explained(before: Trial[ModelT], after: Trial[ModelT], share: float = EXPLAI
     return after.validation_rms**2 - 1.0 <= (1.0 - share) * (before.validation_rms**2 - 1.0)
 
 
+def leads_on(first: Trial[ModelT], present: Trial[ModelT], taken: int) -> bool:
+    """Whether what was taken may be the first of MAX_EFFECTS at most that explain everything, the strongest first: of
+    as many equal ones each explains as much of the excess variance."""
+    return explained(first, present, taken / MAX_EFFECTS)
+
+
 def distance(trial: Trial[ModelT]) -> float:
     """How far a model is from all moves, by the likelihood: the logarithms of the errors add up."""
     return trial.train_rms * trial.held_rms
@@ -174,7 +180,7 @@ def select(
         present, taken = min(refine(trials[best]), trials[best], key=distance), (*taken, best)
         material, enough, missing = *(further or (material, enough)), left
         tell(f"{best}: held-out RMS {present.validation_rms:.4g}")
-        if further and explained(first, present):
+        if further and (explained(first, present) or not leads_on(first, present, len(taken))):
             break
     return Selection(first, present, taken, tuple(log), tuple(rivals))
 
