@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -90,13 +91,19 @@ class Slopes:
 
 @dataclass(frozen=True)
 class Fitted:
-    """A model at a point of its coordinates, with residuals over the noise (N,) and their derivative."""
+    """A model at a point of its coordinates, of which `free` were fitted, with residuals over the noise (N,)."""
 
     model: Model
     moves: tuple[Moves, ...]
     at: Point
     r: FloatArray
-    slopes: Slopes
+    free: Free
+
+    @cached_property
+    def slopes(self) -> Slopes:
+        """Derivative of the residuals, found when it is asked for: most fits are only compared."""
+        with np.errstate(all="ignore"):
+            return jacobian(self.moves, self.model, self.at, self.free, self.r)[1]
 
     @property
     def rms(self) -> float:
@@ -240,8 +247,9 @@ def fit(
     """Levenberg-Marquardt, several dampings at once; ends when a round gains less than `tolerance` of cost."""
     damping, free = 1e-2, every(model) if free is None else free
     with np.errstate(all="ignore"):
-        r, J = jacobian(moves, model, at, free)
+        r = trials(moves, model, [at])[0]
         for _ in range(rounds if np.all(np.isfinite(r)) else 0):
+            r, J = jacobian(moves, model, at, free, r)
             scale = max(1.0, float(np.sqrt(np.mean(r**2))))
             H, g = J.normal(r)
             H, g = H / scale**2 + np.eye(len(H)), g / scale**2 + priors(at, free)
@@ -257,10 +265,9 @@ def fit(
                 damping *= 1e4
             gained = costs[best] < before
             at, r = settle_locally(moves, model, at, scale, r)
-            r, J = jacobian(moves, model, at, free, r)
             if before - cost(at, r, scale, free) < tolerance and (gained or damping > 1e3):
                 break
-    return Fitted(model, tuple(moves), at, np.nan_to_num(r, nan=OVERFLOWN), J)
+    return Fitted(model, tuple(moves), at, np.nan_to_num(r, nan=OVERFLOWN), free)
 
 
 def rests_found(moves: Sequence[Moves], model: Model, at: Point) -> Point:

@@ -47,7 +47,8 @@ FINALISTS = 2
 MORE, GAIN = 3, 0.005
 """How often a fit is continued, and the share of its RMS that it must gain to be continued again."""
 ENDED, HOPELESS = 1.05, 4.0
-"""RMS up to which a fit need not be begun elsewhere, and from which on more rounds do not help."""
+"""RMS up to which a fit need not be begun elsewhere, and from which on neither that nor more rounds nor what still
+swings makes its effect the right one."""
 WORSE = 1.02
 """How much farther from the moves a fit may be that takes from the rests what swings."""
 FAR_OFF = 2.0
@@ -112,7 +113,7 @@ def settled(found: Fitted, rounds: int) -> Fitted:
         put_back = {name: v for name, v in values_at(found).items() if not name.endswith(PUT_BACK)}
         at = begun_at(moves, found.model, put_back, found.at.local)
         on = min(on, fit(moves, found.model, at, rounds), key=lambda f: f.rms)
-    return swung_in(on)
+    return swung_in(on) if on.rms < HOPELESS else on
 
 
 def swung_in(found: Fitted) -> Fitted:
@@ -165,7 +166,7 @@ def ended(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
     fit, and continued while it gains; its effects as they are simulated for a value."""
     best = in_full(trial.model.fitted)
     for place in (scene.rich, scene.smooth):
-        if best.rms > ENDED:
+        if ENDED < best.rms < HOPELESS:
             best = min(best, elsewhere(best, place), key=lambda f: f.rms)
     for _ in range(MORE if best.rms < HOPELESS else 0):
         further = settled(best, ROUNDS)
