@@ -1,20 +1,31 @@
-"""The joint fit of a gantry: against the truth of a shared capture, and with motors whose distance wanders."""
+"""The joint fit of a gantry: against the truth of a shared capture, with motors whose distance wanders, and where the
+partner holds the load against one flank."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
+import pytest
 
 from service.backlash import model_fit, model_fit_gantry
 from service.backlash.model_fit import model_fit_axes
+from service.backlash.model_fit_data import Measured, measure, problem_of, with_reconstructed_motion
+from service.backlash.model_fit_gantry import with_gear_and_pinion
+from service.backlash.model_fit_problem import Point, Problem, fit
+from service.backlash.model_fit_stages import HOPELESS, Outcome, following_force, local_spread
 from service.backlash.results import Reason
 from service.captures import read_capture
-from service.recording import Recording
+from service.dynamics.driven_model import Model
+from service.dynamics.parameters import AxisParameters
+from service.dynamics.simulation import GapCrossing
+from service.recording import Move, Recording
+from tests.service.backlash.gantry_run import recorded, simulated
 
 WANDERED = 1.5e-6
 
@@ -62,3 +73,49 @@ def test_where_no_start_comes_near_no_motor_follows_and_the_run_is_refused(monke
     assert refusal is not None
     assert refusal.reason == Reason.MISFIT
     assert "No fit came near" in refusal.detail
+
+
+def test_a_gap_that_the_partner_lets_be_crossed_in_one_direction_is_refused() -> None:
+    """The axes' zeros lie so far apart that the bridge holds each load against one flank while it brakes one way."""
+    first = AxisParameters(b=100e-6)
+    run = simulated(first, AxisParameters(b=30e-6, M=330.0), k=3e7, offset=120e-6)
+    for name, way in (("X1", 1), ("X2", -1)):
+        crossed = {move.direction for move in run.moves if passed(run.axes[name].crossings, move)}
+        assert crossed == {way}, "the simulated machine itself crosses one way only"
+    for result in model_fit_axes(recorded(run, first.transmission), "X1").values():
+        assert result.reason == Reason.GAP_NOT_CROSSED
+        assert result.detail is not None and "in one direction only" in result.detail
+        assert result.backlash is None
+
+
+def passed(crossings: Sequence[GapCrossing], move: Move) -> bool:
+    """Whether the load passed from the driving flank to the other one in the move."""
+    return any(c.before == move.direction and move.start < c.t2 <= move.end for c in crossings)
+
+
+def light(every: int) -> tuple[Measured, Problem]:
+    """A gantry with one lump per drive, its motors sampled at 8 kHz / `every`, on its middle machine."""
+    axis = AxisParameters()
+    recording = recorded(simulated(axis, axis, k=2e7), axis.transmission, every)
+    measured = measure(recording, ("X1", "X2"), range(2))
+    model = Model(measured.axes, 1)
+    return measured, problem_of(measured, model, local_spread(model))
+
+
+@pytest.mark.parametrize(("every", "echoes"), [(16, [2, 2]), (2, [])])
+def test_both_motors_answer_the_forces_where_the_speed_is_sampled_slowly(
+    every: int, echoes: list[int]
+) -> None:
+    measured, problem = light(every)
+    begun = fit(problem, Point(np.zeros(len(problem.free)), np.zeros(problem.local_shape)), 0)
+    assert [len(step) for step in following_force(measured, problem, begun).echoes] == echoes
+    assert not with_reconstructed_motion(measured, problem, begun).echoes, "unless it is asked for"
+
+
+def test_a_drive_that_lost_its_mass_is_shared_out_to_lumps_that_can_be_simulated() -> None:
+    measured, problem = light(8)
+    u = np.array([-4.0 if p.name.endswith("drive_mass") else 0.0 for p in problem.model.parameters])
+    start = Outcome(problem, fit(problem, Point(u, np.zeros(problem.local_shape)), 0))
+    model = Model(measured.axes, 2)
+    heavy = problem_of(measured, model, local_spread(model))
+    assert with_gear_and_pinion(measured, heavy, start, (1,), following_force).fit.misfit < HOPELESS
