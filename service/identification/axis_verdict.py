@@ -32,6 +32,9 @@ LEFT_BY_ONE = 3.0
 SMALL, MATTERS = 1.6, (1e-6, 0.02)
 """What leaves no more than this RMS without it, and changes the backlash by less than so many metres or such a share,
 is an impurity too small to matter; and what leaves no more and has no name is not called missing (chosen)."""
+COMMON = frozenset({"transmission_ripple", "contact_nonlinearity"})
+"""What every rack and every flank has a little of, and what is therefore no finding where it does not change the
+backlash, unless it is the whole explanation of more than such impurities leave."""
 CHANGED = 4.0
 """Held-out RMS from which on the machine is not what it was in the train recordings, however well it fits these: what
 impurities too small to matter leave there is less, and so does what has its right name (chosen)."""
@@ -75,28 +78,30 @@ def verdict(scene: Scene, selection: Selection[Explained]) -> tuple[AxisExplanat
 
 def finding_of(selection: Selection[Explained]) -> tuple[Finding, tuple[str, ...]]:
     """``effect`` only when the named effects leave near nothing: a part of an unknown is not an explanation."""
-    if not selection.effects:
-        return ("none" if _little(selection.before) else "unknown"), ()
-    alone = len(selection.effects) == 1 and explained(selection.before, selection.after)
-    if _immaterial(selection) and not (alone and shown(selection.before) > SMALL):
-        return "none", ()
-    error = left if len(selection.effects) == 1 else shown
-    after = selection.after
+    before, after, effects = selection.before, selection.after, selection.effects
+    if not effects:
+        return ("none" if _little(before) else "unknown"), ()
+    alone = len(effects) == 1 and explained(before, after)
+    if not _matters(selection):
+        small = _little(before) and not (alone and shown(before) > SMALL)
+        everything = before.validation_rms > CHANGED and shown(after) <= LEFT_BY_CLEAN
+        if small or (COMMON.issuperset(effects) and not everything):
+            return "none", ()
+    error = left if len(effects) == 1 else shown
     near = error(after) <= (LEFT_BY_ONE if alone else LEFT) and after.validation_rms <= CHANGED
-    if near and explained(selection.before, after, PART):
-        return "effect", selection.effects
+    if near and explained(before, after, PART):
+        return "effect", effects
     return "unknown", ()
 
 
-def _immaterial(selection: Selection[Explained]) -> bool:
-    """Whether what was found is an impurity that matters neither to the prediction nor to the backlash."""
+def _matters(selection: Selection[Explained]) -> bool:
+    """Whether what was found changes the backlash."""
     before, after = selection.before.model.fitted, selection.after.model.fitted
     floor, share = MATTERS
-    for axis in range(len(before.model.axes)):
-        was, now = backlash_of(before, axis)[0], backlash_of(after, axis)[0]
-        if abs(now - was) > max(floor, share * now):
-            return False
-    return _little(selection.before)
+    return any(
+        abs((now := backlash_of(after, axis)[0]) - backlash_of(before, axis)[0]) > max(floor, share * now)
+        for axis in range(len(before.model.axes))
+    )
 
 
 def _little(trial: Trial[Explained]) -> bool:

@@ -232,6 +232,6 @@ def _judge(name: str, before: Trial[ModelT], after: Trial[ModelT], tried: int, s
 
 
 def _alike(best: Trial[ModelT], other: Trial[ModelT]) -> bool:
-    """Two explanations are alike when neither has the smaller held-out error beyond chance and 2 %."""
-    close = other.held_rms < (1.0 + MATERIAL) * best.held_rms
-    return bool(close and gain_p_value(other, best) > LEVEL)
+    """Two explanations are alike when the held-out errors differ by less than is material: what differs then beyond
+    chance is as likely how a law differs from the machine's."""
+    return other.held_rms < (1.0 + MATERIAL) * best.held_rms

@@ -56,3 +56,21 @@ def test_an_impurity_that_moves_the_backlash_by_next_to_nothing_is_none(
     monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: next(values))
     selection = Selection(trial(1.4, 2.5), trial(1.0, 1.1), ("transmission_ripple",), (), ())
     assert axis_verdict.finding_of(selection) == ("none", ())
+
+
+@pytest.mark.parametrize(
+    ("name", "before", "after", "found"),
+    [
+        ("transmission_ripple", 8.0, 1.5, "none"),
+        ("transmission_ripple", 3.9, 1.1, "none"),
+        ("transmission_ripple", 8.0, 1.1, "effect"),
+        ("sensor_gain", 8.0, 1.5, "effect"),
+    ],
+)
+def test_what_every_rack_has_is_a_finding_only_where_it_matters_or_is_everything(
+    monkeypatch: pytest.MonkeyPatch, name: str, before: float, after: float, found: str
+) -> None:
+    values = iter([(50.0e-6, 1e-7), (50.3e-6, 1e-7)])
+    monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: next(values))
+    selection = Selection(trial(3.0, before), trial(after, after), (name,), (), ())
+    assert axis_verdict.finding_of(selection)[0] == found
