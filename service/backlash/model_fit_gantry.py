@@ -75,8 +75,8 @@ SETTLED = 8
 """Cycles in which the motors' motion over all steps is made to agree with the machine that a few steps gave."""
 
 SOUND = 1.0
-"""Prior deviations within which masses and damping of the heavier chain begin: a lighter one that has lost its mass
-shares out next to nothing, and so light a pinion swings too fast to be simulated."""
+"""Prior deviations within which masses and damping of the heavier chain begin where it cannot be simulated otherwise:
+a lighter one that has lost its mass shares out next to nothing, and so light a pinion swings too fast."""
 
 ANSWERED = 2
 """Starts that are fitted further with motors that answer the forces."""
@@ -195,9 +195,11 @@ def with_gear_and_pinion(
     """The fit of a few steps with two lumps per drive, from one with one and its motors' motion."""
     few = replace(heavy.first_steps(SEARCH_STEPS), motion=start.problem.motion, force=start.problem.force)
     begun = split(start.problem.model, start.fit, heavy.model)
-    drives = [p.name.endswith(("_mass", "_damping_ratio")) for p in heavy.model.parameters]
-    begun = np.where(drives, np.clip(begun, -SOUND, SOUND), begun)
     tried = passes(measured, few, Point(begun, start.fit.point.local), rounds, motors, STILL)
+    if not tried[0].fit.misfit < HOPELESS:
+        drives = [p.name.endswith(("_mass", "_damping_ratio")) for p in heavy.model.parameters]
+        begun = np.where(drives, np.clip(begun, -SOUND, SOUND), begun)
+        tried = passes(measured, few, Point(begun, start.fit.point.local), rounds, motors, STILL)
     return min(tried, key=lambda o: o.fit.cost)
 
 
