@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from service.dynamics.effects.driven_library import DRIVEN
-from service.identification.axis_verdict import LEFT_BY_CLEAN, verdict
+from service.identification.axis_verdict import LEFT_BY_CLEAN, LEFT_BY_ONE, verdict
 from service.identification.explanation import AxisExplanation
 from service.identification.held_out import trial_of
 from service.identification.moves_search import challenged, ended, propose, settled
@@ -48,6 +48,7 @@ def explain_axes(
             material=MATERIAL,
             enough=LEFT_BY_CLEAN,
             further=FURTHER,
+            last=LEFT_BY_ONE,
             size=lambda trial: len(trial.model.fitted.model.parameters),
             contains=lambda name: DRIVEN[name].contains,
         )

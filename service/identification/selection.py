@@ -137,6 +137,7 @@ def select(
     material: float = MATERIAL,
     enough: float = 0.0,
     further: tuple[float, float] | None = None,
+    last: float = np.inf,
     size: Callable[[Trial[ModelT]], int] = lambda _trial: 0,
     contains: Callable[[str], Sequence[str]] = lambda _name: (),
 ) -> Selection[ModelT]:
@@ -148,10 +149,10 @@ def select(
     led the fit out of a poor valley. ``material`` is the share of the held-out RMS that an effect must remove,
     ``enough`` the RMS of ``shown`` (after a first effect: of ``left``) at which nothing is left to explain;
     ``further`` the same two for every effect after the first, where what is left may be the fit's own imperfection;
-    with it the search ends with an effect that is ``explained`` by itself. ``size`` is a model's number of parameters:
-    of effects that come equally near the one with the fewest is taken. ``contains`` names the effects that one becomes
-    when some of its numbers are zero: it is passed over for them unless it removes as much more as a further effect
-    must, and it is no rival of theirs.
+    with it the search ends with an effect that is ``explained`` by itself, and leaves no more than ``last``.
+    ``size`` is a model's number of parameters: of effects that come equally near the one with the fewest is taken.
+    ``contains`` names the effects that one becomes when some of its numbers are zero: it is passed over for them unless
+    it removes as much more as a further effect must, and it is no rival of theirs.
     """
     present: Trial[ModelT] = before
     taken: tuple[str, ...] = ()
@@ -180,7 +181,8 @@ def select(
         present, taken = min(refine(trials[best]), trials[best], key=distance), (*taken, best)
         material, enough, missing = *(further or (material, enough)), left
         tell(f"{best}: held-out RMS {present.validation_rms:.4g}")
-        if further and (explained(first, present) or not leads_on(first, present, len(taken))):
+        alone = explained(first, present) and left(present) <= last
+        if further and (alone or not leads_on(first, present, len(taken))):
             break
     return Selection(first, present, taken, tuple(log), tuple(rivals))
 

@@ -97,12 +97,14 @@ def test_an_error_that_only_the_held_out_moves_show_is_searched_for() -> None:
 
 
 def test_the_search_ends_with_an_effect_that_explains_nearly_all() -> None:
+    """Unless what it leaves is more than its law's difference from the machine's."""
     table = {(): {"a": 3.0}, ("a",): {"b": 2.0}}
-    for before, effects in ((30.0, ("a",)), (5.0, ("a", "b"))):
+    for before, last, effects in ((30.0, 3.0, ("a",)), (30.0, 2.9, ("a", "b")), (5.0, 3.0, ("a", "b"))):
         found = select(
             trial(before, 0),
             lambda _p, taken: {n: trial(r, 0) for n, r in table.get(taken, {"c": 2.0}).items()},
             further=(0.25, 1.6),
+            last=last,
         )
         assert found.effects == effects
 
