@@ -36,6 +36,8 @@ APART = 0.5
 """Difference in any of an effect's numbers, in standard deviations of its prior, that makes it another."""
 FEW, BRIEF = 4, 5
 """Moves and rounds with which starts are compared."""
+HALVED = 3
+"""How often the better half of the fits of what swings is continued."""
 PUT_BACK = ("turnover_speed", "turnover_spread", "coulomb", "viscous", "damping_ratio", "smear")
 """Parameters that a wrong model drives into a corner from which a fit comes back slowly."""
 
@@ -191,10 +193,19 @@ def compared(scene: Scene, found: Fitted, at_places: Sequence[Fitted], candidate
     shapes = min(PLACED if candidate.effect.states else 1, len(candidate.effect.shapes))
     starts += [placed(place, candidate, k).at for place in at_places for k in range(shapes)]
     brief = [fit(few, candidate.model, at, BRIEF) for at in starts]
+    for _ in range(HALVED if candidate.effect.states else 0):
+        brief = better_half_on(brief)
     other = softer_contact(values_at(min(brief, key=lambda f: f.rms)), candidate.model)
     if other:
         brief.append(fit(few, candidate.model, point_at(candidate.model, other, few), BRIEF))
     return [noted(one, found.moves) for one in best_of_each_shape(brief, candidate)[:2]]
+
+
+def better_half_on(fits: Sequence[Fitted]) -> list[Fitted]:
+    """The better half of the fits continued by as many rounds again (successive halving): what swings is found late,
+    its frequency wanders far."""
+    ranked = sorted(fits, key=lambda f: f.rms)[: (len(fits) + 1) // 2]
+    return [fit(f.moves, f.model, f.at, BRIEF) for f in ranked]
 
 
 def best_of_each_shape(fits: Sequence[Fitted], candidate: Candidate) -> list[Fitted]:
