@@ -21,6 +21,8 @@ MATERIAL = 0.1
 FURTHER = (0.25, 1.6)
 """For a second effect: the share it must remove, and the held-out RMS over the noise that must be left; below it the
 residual is that of a friction curve or an impact slightly off, which many effects imitate (chosen)."""
+MOST = 2
+"""Effects that are named of one axis' moves (chosen): each is searched for as long as the first."""
 
 
 def explain_axes(
@@ -49,6 +51,7 @@ def explain_axes(
             enough=LEFT_BY_CLEAN,
             further=FURTHER,
             last=LEFT_BY_ONE,
+            most=MOST,
             size=lambda trial: len(trial.model.fitted.model.parameters),
             contains=lambda name: DRIVEN[name].contains,
         )

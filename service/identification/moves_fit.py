@@ -326,9 +326,12 @@ def as_alike_moves(found: Fitted) -> Point:
 
 
 def reconstructed(found: Fitted, follow: bool = True) -> tuple[Moves, ...]:
-    """The moves with the motor's motion reconstructed from the fit; with `follow` it goes on following the force."""
+    """The moves with the motor's motion reconstructed from the fit; with `follow` it goes on following the force. No
+    motor follows a fit that ran away."""
     out = []
     for part, local in zip(found.moves, found.at.local, strict=True):
         force = predict(part, found.model, found.at.shared[None], local[None]).force()[0]
-        out.append(with_reconstructed_motion(part, found.model, found.at.shared, force, follow))
+        sound = bool(np.all(np.isfinite(force)))
+        at = found.at.shared
+        out.append(with_reconstructed_motion(part, found.model, at, force, follow) if sound else part)
     return tuple(out)

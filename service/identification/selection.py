@@ -93,10 +93,10 @@ def explained(before: Trial[ModelT], after: Trial[ModelT], share: float = EXPLAI
     return after.validation_rms**2 - 1.0 <= (1.0 - share) * (before.validation_rms**2 - 1.0)
 
 
-def leads_on(first: Trial[ModelT], present: Trial[ModelT], taken: int) -> bool:
-    """Whether what was taken may be the first of MAX_EFFECTS at most that explain everything, the strongest first: of
-    as many equal ones each explains as much of the excess variance."""
-    return explained(first, present, taken / MAX_EFFECTS)
+def leads_on(first: Trial[ModelT], present: Trial[ModelT], taken: int, most: int) -> bool:
+    """Whether what was taken may be the first of `most` effects that explain everything, the strongest first: of as
+    many equal ones each explains as much of the excess variance."""
+    return explained(first, present, taken / most)
 
 
 def distance(trial: Trial[ModelT]) -> float:
@@ -138,6 +138,7 @@ def select(
     enough: float = 0.0,
     further: tuple[float, float] | None = None,
     last: float = np.inf,
+    most: int = MAX_EFFECTS,
     size: Callable[[Trial[ModelT]], int] = lambda _trial: 0,
     contains: Callable[[str], Sequence[str]] = lambda _name: (),
 ) -> Selection[ModelT]:
@@ -149,7 +150,8 @@ def select(
     led the fit out of a poor valley. ``material`` is the share of the held-out RMS that an effect must remove,
     ``enough`` the RMS of ``shown`` (after a first effect: of ``left``) at which nothing is left to explain;
     ``further`` the same two for every effect after the first, where what is left may be the fit's own imperfection;
-    with it the search ends with an effect that is ``explained`` by itself, and leaves no more than ``last``.
+    with it the search ends with an effect that is ``explained`` by itself, and leaves no more than ``last``, and where
+    no ``most`` effects can explain everything.
     ``size`` is a model's number of parameters: of effects that come equally near the one with the fewest is taken.
     ``contains`` names the effects that one becomes when some of its numbers are zero: it is passed over for them unless
     it removes as much more as a further effect must, and it is no rival of theirs.
@@ -160,7 +162,7 @@ def select(
     log: list[Candidate] = []
     rivals: list[tuple[str, str]] = []
     missing = shown
-    while len(taken) < MAX_EFFECTS and missing(present) > enough:
+    while len(taken) < most and missing(present) > enough:
         trials = propose(present, taken)
         present = challenge(present, min(trials.values(), key=distance))
         first = first if taken else present
@@ -182,7 +184,7 @@ def select(
         material, enough, missing = *(further or (material, enough)), left
         tell(f"{best}: held-out RMS {present.validation_rms:.4g}")
         alone = explained(first, present) and left(present) <= last
-        if further and (alone or not leads_on(first, present, len(taken))):
+        if further and (alone or not leads_on(first, present, len(taken), most)):
             break
     return Selection(first, present, taken, tuple(log), tuple(rivals))
 

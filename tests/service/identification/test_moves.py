@@ -29,6 +29,7 @@ from service.identification.moves_fit import (
     every,
     fit,
     found_again,
+    reconstructed,
     settle_locally,
 )
 from service.identification.scene import ChannelTolerance, as_effects, estimator_alone, point_at, smeared
@@ -152,6 +153,12 @@ def test_smearing_keeps_area_and_place_and_has_its_spread() -> None:
     assert passed.sum() == pytest.approx(1.0)
     assert passed @ k == pytest.approx(50.0, abs=1e-6)
     assert np.sqrt(passed @ (k - 50.0) ** 2) == pytest.approx(1.5, rel=0.01)
+
+
+def test_no_motor_follows_a_fit_that_ran_away(found: Fitted, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Taking an effect out of a model can leave a machine that cannot be simulated."""
+    monkeypatch.setattr("service.dynamics.driven.Course.force", lambda _course: np.full((1, 1, 1, 1), np.nan))
+    assert all(now is before for now, before in zip(reconstructed(found), found.moves, strict=True))
 
 
 def test_each_move_is_settled_by_itself(found: Fitted) -> None:

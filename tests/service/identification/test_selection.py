@@ -110,14 +110,20 @@ def test_the_search_ends_with_an_effect_that_explains_nearly_all() -> None:
 
 
 def test_the_search_ends_where_no_effect_explains_as_much_as_several_of_them_would() -> None:
-    """The strongest of four effects explains a quarter of the excess variance at least."""
-    for first, effects in ((13.9, ("a",)), (12.0, ("a", "b"))):
+    """The strongest of four effects explains a quarter of the excess variance at least, that of two the half."""
+    for first, most, effects in (
+        (13.9, 4, ("a",)),
+        (12.0, 4, ("a", "b")),
+        (12.0, 2, ("a",)),
+        (10.0, 2, ("a", "b")),
+    ):
         table = {(): {"a": first}, ("a",): {"b": 2.0}}
         found = select(
             trial(15.0, 0),
             lambda _p, taken, table=table: {n: trial(r, 0) for n, r in table.get(taken, {"c": 2.0}).items()},
             material=0.05,
             further=(0.25, 1.6),
+            most=most,
         )
         assert found.effects == effects
 
