@@ -45,7 +45,8 @@ class Guess:
 
 
 def closed_form(recording: Recording, axis: str) -> Guess:
-    """The contact regression's answer as a guess; its coefficient of the speed is the skew and a little friction."""
+    """The contact regression's answer as a guess, and what acts on the load between the flanks; the regression's
+    coefficient of the speed is the skew and a little friction."""
     steps = contact_steps(recording, axis)
     if len(steps) < 2:
         return Guess()
