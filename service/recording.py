@@ -123,6 +123,18 @@ class Recording:
         """One channel of one axis, None where it was not recorded."""
         return self.traces.get((axis, channel))
 
+    def moves_without(self, axis: str, channel: str) -> tuple[int, ...]:
+        """Indices of the moves during which less than half of a channel's samples are there, by its usual distance."""
+        trace = self.traces[axis, channel]
+        if len(trace) < 2:
+            return tuple(range(len(self.moves)))
+        step = float(np.median(np.diff(trace.time)))
+        return tuple(
+            k
+            for k, move in enumerate(self.moves)
+            if len(trace.between(move.start, move.end)) < 0.5 * np.floor((move.end - move.start) / step)
+        )
+
     def partner(self, axis: str) -> str | None:
         """The other axis of the gantry that this axis belongs to, None for a single axis."""
         for first, second in self.gantry:

@@ -124,6 +124,13 @@ def unfit_for_use(recording: Recording, axis: str, axes: tuple[str, ...]) -> Axi
             if recording.trace(name, channel) is None:
                 detail = f"{axis} is moved by {name} too, its {channel} is missing; record both axes of the gantry."
                 return refused(axis, Reason.GANTRY_PARTNER_MISSING, detail)
+            lost = recording.moves_without(name, channel)
+            if lost:
+                detail = (
+                    f"Step {lost[0] + 1} has hardly any {channel} of {name}: the recording broke off there. "
+                    "Check the bus and the sensor's connector, then run the check again."
+                )
+                return refused(axis, Reason.FRAME_LOSS, detail)
     return None
 
 
@@ -208,13 +215,16 @@ def judged(recording: Recording, measured: Measured, staged: Staged, beside: Bes
     unsure = float(spread[k, k]) * fit.slope(k) ** 2 + rivals.variance
     value = float(best.problem.model.parameters[k].value(fit.at.shared[k])) + rivals.shift
     steps = step_values(best, fit, x)
+    results = tuple(one_step(recording, steps, t) for t in range(len(recording.moves)))
+    doubted = doubt(measured, best, x, steps)
+    if doubted:
+        return refused(name, *doubted, results)
     half = interval_half_width(staged, fit, x, steps, unsure)
     if len(best.problem.model.axes) == 2 and half < TOO_WIDE * value:
         # Where a partner holds the load a flank may be reached only just, in some steps, or in one direction.
         value, half = widened(partial(beside.rise, k), value, half, best.fit.misfit)
-    results = tuple(one_step(recording, steps, t) for t in range(len(recording.moves)))
     held = best.problem.s if len(best.problem.model.axes) == 2 else None
-    refusal = doubt(measured, best, x, steps) or wanting(value, half, steps, held)
+    refusal = wanting(value, half, steps, held)
     if refusal:
         return refused(name, *refusal, results)
     return AxisResult(

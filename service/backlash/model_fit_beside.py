@@ -16,7 +16,7 @@ import numpy as np
 from service.backlash.model_fit_interval import Linearised
 from service.backlash.model_fit_mesh_size import meshes, narrowed
 from service.backlash.model_fit_problem import Point, fit, residuals_at
-from service.backlash.model_fit_stages import Outcome
+from service.backlash.model_fit_stages import CONTESTED, Outcome
 from service.recording import FloatArray
 
 ALIKE = 0.2
@@ -37,7 +37,10 @@ class Beside:
     width: float
 
     def rise(self, k: int, value: float) -> float:
-        """How much the least cost lies higher with parameter k held at a value."""
+        """How much the least cost lies higher with parameter k held at a value.
+
+        Where more than noise is left, linear is good enough: fitted again, the others would take up the input's error.
+        """
         u = float(self.best.problem.model.parameters[k].internal(value))
         shared = self.linear.at.shared.copy()
         shared[k] = u
@@ -45,7 +48,7 @@ class Beside:
         rise = self.least(r, shared, held=k)[0] - self.lowest[0]
         away = u - self.linear.at.shared[k] - self.lowest[1][k]
         parabola = 0.5 * away**2 / float(np.linalg.inv(self.information)[k, k])
-        if abs(rise - parabola) < ALIKE * parabola + LITTLE:
+        if self.best.fit.misfit > CONTESTED or abs(rise - parabola) < ALIKE * parabola + LITTLE:
             return rise
         return self.fitted(k, value) - self.narrow.fit.cost
 

@@ -22,10 +22,11 @@ from service.backlash.model_fit_data import (
     with_reconstructed_motion,
 )
 from service.backlash.model_fit_motion import with_following_motors
+from service.backlash.model_fit_one_build import WAYS, begun_alike
+from service.backlash.model_fit_onward import onward
 from service.backlash.model_fit_problem import Fit, Point, Problem, fit
 from service.backlash.model_fit_stages import (
     HOPELESS,
-    NEARER,
     Effort,
     Outcome,
     Reconstruction,
@@ -34,8 +35,8 @@ from service.backlash.model_fit_stages import (
     following_force,
     local_spread,
     passes,
-    repeated,
     settled,
+    sound_drives,
     split,
     with_impurities,
 )
@@ -59,6 +60,9 @@ LITTLE = Effort(candidates=1500, tried=12, brief=8, starts=3)
 POOR = 3.0
 """Misfit from which on a wrong minimum is suspected."""
 
+NEARER = 0.75
+"""Share of the cost on a few steps below which another search's start is worth a fit of all steps."""
+
 ONLY_NOISE = 1.03
 """Misfit on the few steps at which no other sharing is tried: 2,000 samples tell 3 %."""
 
@@ -71,12 +75,15 @@ ABANDONED = 5.0
 ENOUGH = 1.5
 """Misfit on a few steps of the heavier chain at which no further start is tried: other minima are far above."""
 
+NOWHERE = 100.0
+"""Misfit, ten times the noise, from which on neither more passes over all steps nor following motors are tried: what
+comes no nearer on a few steps is refused anyway."""
+
+AWAY = 2.0
+"""Cost over that of the best pass beyond which motion and machine drive each other away."""
+
 SETTLED = 8
 """Cycles in which the motors' motion over all steps is made to agree with the machine that a few steps gave."""
-
-SOUND = 1.0
-"""Prior deviations within which masses and damping of the heavier chain begin where it cannot be simulated otherwise:
-a lighter one that has lost its mass shares out next to nothing, and so light a pinion swings too fast."""
 
 ANSWERED = 2
 """Starts that are fitted further with motors that answer the forces."""
@@ -122,16 +129,19 @@ def simulated_from(measured: Measured, few: Problem, balanced: list[Fit], effort
     motors: Reconstruction = with_reconstructed_motion
     heavy = problem_of(measured, Model(measured.axes, 2), local_spread(Model(measured.axes, 2)))
     ends = carried(measured, heavy, starts, effort.heavier, motors)
+    ends += alike(measured, ends, effort.heavier, motors)
     found = min(ends, key=lambda o: o.fit.cost)
     if found.fit.misfit > POOR and swings_fast(measured, found.problem, found.fit):
         answering = [answered(measured, start) for start in starts[:ANSWERED]]
         ends += carried(measured, heavy, answering, ANSWERING, following_force)
         motors, found = following_force, min(ends, key=lambda o: o.fit.cost)
         # How the drives are shared out shows once the motors move as they did.
-        effort = replace(effort, sharings=found.fit.misfit < POOR, refine=ANSWERING_ALL)
+        effort = replace(effort, sharings=found.fit.misfit < ENOUGH, refine=ANSWERING_ALL)
     found = impure(measured, found, effort, motors)
     whole = replace(heavy, model=found.problem.model, free=found.problem.free)
-    at = Point(found.fit.point.shared, repeated(whole, found.fit.point.local))
+    whole, at = onward(measured, whole, found, motors)
+    if found.fit.misfit > NOWHERE:
+        effort = replace(effort, refine=effort.refine[:1])
     last = over_all_steps(measured, whole, at, effort, motors)
     return Staged(min(last, key=lambda o: o.fit.cost), last, [*starts, *ends, found])
 
@@ -152,6 +162,21 @@ def carried(
         if ends[-1].fit.misfit < ENOUGH:
             break
     return ends
+
+
+def alike(
+    measured: Measured, ends: list[Outcome], rounds: tuple[int, ...], motors: Reconstruction
+) -> list[Outcome]:
+    """Where none came near: the best one's passes with both drives of one build, until one does."""
+    found, tried = min(ends, key=lambda o: o.fit.cost), list[Outcome]()
+    if not POOR < found.fit.misfit < HOPELESS:
+        return []
+    for way in WAYS:
+        again = passes(measured, found.problem, begun_alike(found, way), rounds, motors, STILL, AWAY)
+        tried.append(min(again, key=lambda o: o.fit.cost))
+        if tried[-1].fit.misfit < ENOUGH:
+            break
+    return tried
 
 
 def answered(measured: Measured, start: Outcome) -> Outcome:
@@ -195,11 +220,10 @@ def with_gear_and_pinion(
     """The fit of a few steps with two lumps per drive, from one with one and its motors' motion."""
     few = replace(heavy.first_steps(SEARCH_STEPS), motion=start.problem.motion, force=start.problem.force)
     begun = split(start.problem.model, start.fit, heavy.model)
-    tried = passes(measured, few, Point(begun, start.fit.point.local), rounds, motors, STILL)
+    tried = passes(measured, few, Point(begun, start.fit.point.local), rounds, motors, STILL, AWAY)
     if not tried[0].fit.misfit < HOPELESS:
-        drives = [p.name.endswith(("_mass", "_damping_ratio")) for p in heavy.model.parameters]
-        begun = np.where(drives, np.clip(begun, -SOUND, SOUND), begun)
-        tried = passes(measured, few, Point(begun, start.fit.point.local), rounds, motors, STILL)
+        sound = Point(sound_drives(heavy.model, begun), start.fit.point.local)
+        tried = passes(measured, few, sound, rounds, motors, STILL, AWAY)
     return min(tried, key=lambda o: o.fit.cost)
 
 
@@ -208,7 +232,7 @@ def impure(measured: Measured, found: Outcome, effort: Effort, motors: Reconstru
     soft and heavy, differently shared out."""
     impure = with_impurities(found.problem, found.fit.point)
     shared = differently_shared(*impure, effort, ONLY_NOISE)[0]
-    tried = passes(measured, shared.problem, shared.fit.point, effort.heavier, motors, STILL)
+    tried = passes(measured, shared.problem, shared.fit.point, effort.heavier, motors, STILL, AWAY)
     return min((shared, *tried), key=lambda o: o.fit.cost)
 
 
@@ -220,7 +244,7 @@ def over_all_steps(
     problem, at = settled(measured, problem, begin, SETTLED, motors)
     plain = passes(measured, problem, at, effort.refine, motors)
     best = min(plain, key=lambda o: o.fit.cost)
-    if not best.fit.misfit < HOPELESS:
+    if not best.fit.misfit < NOWHERE:
         return plain
     return plain + passes(
         measured,

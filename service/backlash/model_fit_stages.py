@@ -55,12 +55,15 @@ RIVALS = (3, 6)
 BEHIND = 30.0
 """How much dearer than the best another sharing may be after its first rounds to go on: they gain some tens."""
 
-NEARER = 0.75
-"""Share of the cost on a few steps below which another search's start is worth a fit of all steps."""
-
+SOUND = 1.0
+"""Prior deviations within which a drive's masses and damping begin where it cannot be simulated otherwise: so light a
+pinion swings too fast for the grid."""
 
 STANDSTILL = 0.05
 """Share of what is above the noise that is not worth another reconstruction."""
+
+DIVERGING = 1.1
+"""Cost over that of the best pass over all steps beyond which motion and machine drive each other away."""
 
 SETTLES = 0.8
 """Share of the misfit that a cycle of settling has to leave at most for another to follow."""
@@ -141,11 +144,12 @@ def passes(
     rounds: tuple[int, ...],
     motors: Reconstruction,
     still: float = 0.0,
+    dearer: float = np.inf,
 ) -> list[Outcome]:
     """A fit, then fits with the motor's motion reconstructed from the one before; not every pass is better.
 
     They end where the cost stands still: within half a unit, within the share `still` of it, or within STANDSTILL of
-    what is above the noise.
+    what is above the noise; and where one costs `dearer` times the best.
     """
     found = fit(problem, start, rounds[0], 1.0)
     problem = problem.judged()
@@ -160,6 +164,8 @@ def passes(
         out = [*(o.kept(best) for o in out), Outcome(problem, found)]
         above = STANDSTILL * max(0.0, 1.0 - 1.0 / found.misfit)
         if abs(out[-2].fit.cost - found.cost) < max(0.5, max(still, above) * found.cost):
+            break
+        if found.cost > dearer * best.fit.cost:
             break
     best = min(out, key=lambda o: o.fit.cost)
     return [o.kept(best) for o in out]
@@ -250,6 +256,12 @@ def split_drive(values: dict[str, float], axis: str) -> dict[str, float]:
     return {f"{axis}.{name}": value for name, value in (gear | pinion).items()}
 
 
+def sound_drives(model: Model, shared: FloatArray) -> FloatArray:
+    """The coordinates (P,) with masses and damping within SOUND."""
+    drives = [p.name.endswith(("_mass", "_damping_ratio")) for p in model.parameters]
+    return np.where(drives, np.clip(shared, -SOUND, SOUND), shared)
+
+
 def local_spread(model: Model) -> FloatArray:
     """Prior of the nuisance coordinates of each step and axis (L,)."""
     return LOCAL_SPREAD if len(model.axes) == 1 else np.append(LOCAL_SPREAD, WANDERING)
@@ -278,6 +290,10 @@ def refined(measured: Measured, problem: Problem, starts: list[Outcome], effort:
         begin, *others = differently_shared(*with_impurities(begin.problem, begin.fit.point), effort)
     at = Point(begin.fit.point.shared, repeated(problem, begin.fit.point.local))
     ends = over_all_steps(measured, problem, at, effort)
+    if not lowest(ends).fit.misfit < HOPELESS:  # too light for the finer contact
+        ends = over_all_steps(
+            measured, problem, Point(sound_drives(problem.model, at.shared), at.local), effort
+        )
     return contested(measured, ends, starts, others)
 
 
@@ -309,7 +325,7 @@ def lowest(ends: list[Outcome]) -> Outcome:
 def over_all_steps(measured: Measured, problem: Problem, begin: Point, effort: Effort) -> list[Outcome]:
     """Passes over all steps, after the initial states and the motor's motion have settled."""
     problem, begin = settled(measured, problem, begin, SETTLED, following_force)
-    return passes(measured, problem, begin, effort.refine, following_force)
+    return passes(measured, problem, begin, effort.refine, following_force, dearer=DIVERGING)
 
 
 def differently_shared(few: Problem, begin: Point, effort: Effort, enough: float = 0.0) -> list[Outcome]:

@@ -87,6 +87,12 @@ def _usable(recording: Recording, name: str) -> None:
                 f"{where}: {100 * loss:.1f} % of the samples are missing (at most {100 * MAX_LOSS:g} %); "
                 "an overloaded bus or a bad connector. Check the bus load and the wiring, then record again"
             )
+        broken = recording.moves_without(axis, channel)
+        if broken:
+            raise CannotExplain(
+                f"{where}: hardly any samples in move {broken[0] + 1}; the recording broke off there. "
+                "Check the bus and the connector, then record again"
+            )
 
 
 def lost_share(trace: Trace) -> float:

@@ -34,6 +34,22 @@ def test_too_few_steps_are_refused() -> None:
     assert model_fit(empty(("motor_speed", "acceleration"), moves=0), "X1").reason is Reason.NO_MOVES
 
 
+@pytest.mark.parametrize("channel", ["motor_speed", "acceleration"])
+@pytest.mark.parametrize("step", [3, 9])
+def test_a_run_of_which_a_step_was_not_recorded_is_refused(channel: str, step: int) -> None:
+    whole = empty(("motor_speed", "acceleration"))
+    trace, move = whole.traces["X1", channel], whole.moves[step]
+    kept = (trace.time < move.start + 0.4 * move.duration) | (trace.time > move.end)
+    broken = replace(
+        whole, traces={**whole.traces, ("X1", channel): Trace(trace.time[kept], trace.value[kept])}
+    )
+    assert whole.moves_without("X1", channel) == ()
+    assert broken.moves_without("X1", channel) == (step,)
+    result = model_fit(broken, "X1")
+    assert (result.verdict, result.reason) == ("refused", Reason.FRAME_LOSS)
+    assert f"Step {step + 1} has hardly any {channel} of X1" in result.detail
+
+
 def test_one_axis_of_a_gantry_alone_is_refused() -> None:
     result = model_fit(empty(("motor_speed", "acceleration"), gantry=True), "X1")
     assert (result.verdict, result.reason) == ("refused", Reason.GANTRY_PARTNER_MISSING)

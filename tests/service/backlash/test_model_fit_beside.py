@@ -56,7 +56,7 @@ def lowest(weights: FloatArray, held: float | None = None) -> tuple[float, Float
     return 0.5 * float(left @ left + prior @ x**2), x
 
 
-def beside() -> Beside:
+def beside(misfit: float = 1.0) -> Beside:
     """At the end of a fit under priors of width 1."""
     x = lowest(np.ones(3))[1]
     at = Point(x[:3], x[3:].reshape(T, 1, L))
@@ -68,7 +68,8 @@ def beside() -> Beside:
     steps = [Step(index, index, *of) for of in zip(left, S, OWN, cleared, strict=True)]
     information = np.eye(3) + sum(s.T @ c for s, c in zip(S, cleared, strict=True))
     fit = Linearised(problem, at, tuple(steps), np.linalg.inv(information))
-    return Beside(cast(Outcome, SimpleNamespace(problem=problem)), fit, WIDTH)
+    best = SimpleNamespace(problem=problem, fit=SimpleNamespace(misfit=misfit))
+    return Beside(cast(Outcome, best), fit, WIDTH)
 
 
 @pytest.mark.parametrize("value", [-0.7, -0.1, 0.3, 1.5])
@@ -94,3 +95,6 @@ def test_where_the_answer_changes_its_kind_everything_is_fitted_again(
     monkeypatch.setattr(Beside, "fitted", lambda self, k, value: 107.0)
     monkeypatch.setattr(Beside, "narrow", SimpleNamespace(fit=SimpleNamespace(cost=100.0)))
     assert beside().rise(0, 3.0) == pytest.approx(7.0)
+    monkeypatch.undo()
+    monkeypatch.setattr(model_fit_beside, "residuals_at", ending)
+    assert beside(2.0).rise(0, 3.0) > 0.0, "where more than noise is left nothing is fitted again"

@@ -18,7 +18,7 @@ from service.backlash.model_fit import model_fit_axes
 from service.backlash.model_fit_data import Measured, measure, problem_of, with_reconstructed_motion
 from service.backlash.model_fit_gantry import with_gear_and_pinion
 from service.backlash.model_fit_problem import Point, Problem, fit
-from service.backlash.model_fit_stages import HOPELESS, Outcome, following_force, local_spread
+from service.backlash.model_fit_stages import HOPELESS, Outcome, following_force, local_spread, sound_drives
 from service.backlash.results import Reason
 from service.captures import read_capture
 from service.dynamics.driven_model import Model
@@ -119,3 +119,11 @@ def test_a_drive_that_lost_its_mass_is_shared_out_to_lumps_that_can_be_simulated
     model = Model(measured.axes, 2)
     heavy = problem_of(measured, model, local_spread(model))
     assert with_gear_and_pinion(measured, heavy, start, (1,), following_force).fit.misfit < HOPELESS
+
+
+def test_only_masses_and_damping_of_a_drive_are_taken_back_to_what_is_sound() -> None:
+    model = Model(("X1",), 2)
+    far = np.full(len(model.parameters), -3.0)
+    taken = dict(zip((p.name for p in model.parameters), sound_drives(model, far), strict=True))
+    assert taken["X1.pinion_mass"] == taken["X1.gear_damping_ratio"] == -1.0
+    assert taken["X1.backlash"] == taken["X1.pinion_stiffness"] == taken["X1.coulomb"] == -3.0

@@ -54,6 +54,16 @@ def test_two_per_cent_lost(pair: tuple[Recording, Recording]) -> None:
         explain([train], with_trace(validate, "acceleration", Trace(whole.time[kept], whole.value[kept])))
 
 
+def test_a_move_that_was_not_recorded(pair: tuple[Recording, Recording]) -> None:
+    """One of many is a small share of all samples, and still nothing can be said of it."""
+    train, validate = pair
+    whole, move = validate.traces["X1", "acceleration"], validate.moves[-1]
+    kept = (whole.time < move.start + 0.3 * move.duration) | (whole.time > move.end - 0.1 * move.duration)
+    broken = with_trace(validate, "acceleration", Trace(whole.time[kept], whole.value[kept]))
+    with pytest.raises(CannotExplain, match="hardly any samples in move 10"):
+        explain([train], broken)
+
+
 def test_two_rates(pair: tuple[Recording, Recording]) -> None:
     train, validate = pair
     whole = validate.traces["X1", "acceleration"]
