@@ -63,6 +63,7 @@ class DrivenEffect:
     states : how many states it adds, positions each followed by its speed; they start at zero
     gaps : how many gaps it adds; motions : how many input motions; curves : how many forces given as curves
     bends_friction : it adds to a guide's tabulated friction
+    many_valleys : its fits end in many places: no score ranks its shapes, a fit is started from all
     contains : effects that it becomes when some of its amounts are zero
     """
 
@@ -76,6 +77,7 @@ class DrivenEffect:
     shared_nuisance: ClassVar[tuple[Parameter, ...]] = ()
     shapes: ClassVar[tuple[Mapping[str, float], ...]] = ({},)
     bends_friction: ClassVar[bool] = False
+    many_valleys: ClassVar[bool] = False
     contains: ClassVar[tuple[str, ...]] = ()
 
     @cached_property
@@ -107,6 +109,10 @@ class DrivenEffect:
         """Its own parameters such that it does what effects with these values do; none where it is like none of
         them."""
         return {}
+
+    def rests(self, values: Mapping[str, float]) -> tuple[Mapping[str, float], ...]:
+        """Its coordinates of a step with which an axis may rest, by full name in their units, beside 0."""
+        return ()
 
     @property
     def refined(self) -> DrivenEffect:

@@ -31,6 +31,10 @@ from service.recording import FloatArray
 
 EARLY = 0.45
 """Share of a held-out move in which its zeros are found again; the backlash pass comes after it."""
+NEAR = 4.0
+"""RMS below which a fit may be the right one; only then its numbers tell of the machine."""
+OVERDAMPED = 4.5
+"""Standard deviations of their priors above which no damping ratio of a chain is."""
 PARTS = 5
 """Blocks into which a held-out move is cut for the test of a gain."""
 
@@ -160,6 +164,15 @@ def trial_of(scene: Scene, found: Fitted, thorough: bool = True) -> Trial[Explai
 
 
 def at_limits(found: Fitted) -> tuple[str, ...]:
-    """Numbers of the last effect, by name, that stand where no such effect is."""
-    last = found.model.effects[-1].parameters
-    return tuple(p.name for p in last if p.at_limit(found.value(p.name)))
+    """Numbers, by name, that stand where no such effect is: the last effect's own at a limit, or a swing that the move
+    before cannot have left, so that something else than the axis keeps it going, or a chain damped as no machine's is.
+    The latter two only of a fit that may be the right one."""
+    last = found.model.effects[-1]
+    limits = [p.name for p in last.parameters if p.at_limit(found.value(p.name))]
+    if found.rms > NEAR:
+        return tuple(limits)
+    if last.states and how_known(found.moves) > KNOWN[-1]:
+        limits += [p.name for p in last.nuisance]
+    damped = {p.name for p in found.model.of_axis if p.name.endswith("damping_ratio")}
+    numbers = zip(found.model.parameters, found.at.shared, strict=True)
+    return (*limits, *(p.name for p, u in numbers if p.name.rpartition(".")[2] in damped and u > OVERDAMPED))

@@ -6,7 +6,7 @@ max(1, present misfit), so that the priors hold while the fit is still bad.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -273,24 +273,36 @@ def fit(
 def rests_found(moves: Sequence[Moves], model: Model, at: Point) -> Point:
     """The point with each move's resting place chosen among a few by its own residuals."""
     local = []
+    values = {p.name: float(p.value(u)) for p, u in zip(model.parameters, at.shared, strict=True)}
     for part, own in zip(moves, at.local, strict=True):
-        sets = np.tile(at.shared, (len(REST_PLACES), 1))
-        tried = np.tile(own, (len(REST_PLACES), 1, 1))
+        rests = [rest for effect in model.effects for rest in effect.rests(values)]
+        lying = [own, *(at_rest(own, model, rest) for rest in rests)]
+        tried = np.tile(np.stack(lying), (len(REST_PLACES), 1, 1))
+        places = np.repeat(REST_PLACES, len(lying))
+        sets = np.tile(at.shared, (len(tried), 1))
         best_own = own.copy()
         for x, axis in enumerate(model.axes):
-            k = [p.name for p in model.parameters].index(f"{axis}.backlash")
-            gap = float(model.parameters[k].value(at.shared[k]))
-            for j, share in enumerate(REST_PLACES):
-                tried[j, :, 2 * x] = part.s * share * gap / REST_SPREAD[0] - part.loads[:, 2 * x]
-                tried[j, :, 2 * x + 1] = -part.loads[:, 2 * x + 1]
+            gap = values[f"{axis}.backlash"]
+            tried[:, :, 2 * x] = part.s * (places * gap / REST_SPREAD[0])[:, None] - part.loads[:, 2 * x]
+            tried[:, :, 2 * x + 1] = -part.loads[:, 2 * x + 1]
             with np.errstate(all="ignore"):
-                said = predict(part, model, sets, tried)
-            error = np.where(part.used, (part.measured - said.acceleration()) / part.noise[:, None], 0.0)
-            best = np.argmin(np.nan_to_num(np.sum(error**2, axis=(2, 3)), nan=np.inf), axis=0)
+                r = misfits(part, model, sets, tried)
+            ends = np.cumsum([0, *(int(np.sum(used)) for used in part.used)])
+            squares = np.add.reduceat((r * part.expected[part.used]) ** 2, ends[:-1], axis=1)
+            best = np.argmin(np.nan_to_num(squares, nan=np.inf), axis=0)
             best_own = tried[best, np.arange(len(best))]
             tried[:] = best_own
         local.append(best_own)
     return Point(at.shared, tuple(local))
+
+
+def at_rest(own: FloatArray, model: Model, rest: Mapping[str, float]) -> FloatArray:
+    """Coordinates of moves (T, L) with an effect's at what they are in a rest."""
+    out, first = own.copy(), 2 * len(model.axes)
+    for k, p in enumerate(model.nuisance):
+        if p.name in rest:
+            out[:, first + k] = p.internal(rest[p.name])
+    return out
 
 
 def best_of_each(fits: Sequence[Fitted]) -> Point:

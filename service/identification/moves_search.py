@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from service.dynamics.driven_model import DrivenEffect, Model
-from service.identification.held_out import Explained, trial_of
+from service.identification.held_out import NEAR, Explained, trial_of
 from service.identification.moves import Moves
 from service.identification.moves_fit import (
     Fitted,
@@ -46,7 +46,7 @@ FINALISTS = 2
 """Effects whose fit is finished with the motor's motion reconstructed from it."""
 MORE, GAIN = 3, 0.005
 """How often a fit is continued, and the share of its RMS that it must gain to be continued again."""
-ENDED, HOPELESS = 1.05, 4.0
+ENDED, HOPELESS = 1.05, NEAR
 """RMS up to which a fit need not be begun elsewhere, and from which on neither that nor more rounds nor what still
 swings makes its effect the right one."""
 WORSE = 1.02
@@ -165,7 +165,8 @@ def ended(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
     """The fit of a model that may be the right one, begun once more with the machine of the estimator and of the smooth
     fit, and continued while it gains; its effects as they are simulated for a value."""
     best = in_full(trial.model.fitted)
-    for place in (scene.rich, scene.smooth):
+    split = any(effect.many_valleys for effect in best.model.effects)
+    for place in () if split else (scene.rich, scene.smooth):
         if ENDED < best.rms < HOPELESS:
             best = min(best, elsewhere(best, place), key=lambda f: f.rms)
     for _ in range(MORE if best.rms < HOPELESS else 0):

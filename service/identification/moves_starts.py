@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from service.dynamics.driven_model import LINKS, DrivenEffect, Model
+from service.dynamics.driven_parameters import LINK_PARAMETERS
 from service.identification.moves import Moves, predict, residuals, some_of
 from service.identification.moves_fit import (
     DIFFERENCE,
@@ -38,6 +39,9 @@ FEW, BRIEF = 4, 5
 """Moves and rounds with which starts are compared."""
 HALVED = 3
 """How often the better half of the fits of what swings is continued."""
+TOO_MUCH = 4.0
+"""RMS of the present model from which on an effect whose fits have many valleys is not searched for: more is missing
+than a split gap."""
 PUT_BACK = ("turnover_speed", "turnover_spread", "coulomb", "viscous", "damping_ratio", "smear")
 """Parameters that a wrong model drives into a corner from which a fit comes back slowly."""
 
@@ -127,6 +131,8 @@ def unanswering(moves: Sequence[Moves]) -> tuple[Moves, ...]:
 
 def begun(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:
     """Values from which the candidate is started, see the module's text."""
+    if candidate.effect.many_valleys:
+        return everywhere(scene, found, candidate)
     present = values_at(found)
     shapes = scored(found, candidate, present)[:SHAPES]
     own = {p.name for p in candidate.effect.parameters}
@@ -142,6 +148,25 @@ def begun(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:
     if scene.coupled and "bridge_stiffness" in kept:
         out.append({**present, **{k: v for k, v in scene.coupled.items() if k in kept}})
     return out
+
+
+def everywhere(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:
+    """All shapes at every place, with the chain between motor and flanks put back: what was not in the model has gone
+    into its masses and springs. None where more is missing than the effect can do: one shape at the present fit."""
+    present, effect = values_at(found), candidate.effect
+    if found.rms > TOO_MUCH:
+        return scored(found, candidate, present)[:1]
+    kept = {
+        p.name for p in candidate.model.parameters if p.name.rpartition(".")[2] not in chain(candidate.model)
+    }
+    places = [{k: v for k, v in place.items() if k in kept} for place in (present, scene.rich, scene.smooth)]
+    return [dict(effect.traded(place | dict(start))) for place in places for start in effect.starts]
+
+
+def chain(model: Model) -> set[str]:
+    """Parameters of the masses and springs between motor and flanks, and all damping, without the axis' name."""
+    links = {p.name for link in LINKS[model.lumps] for p in LINK_PARAMETERS[link]}
+    return links | {"contact_damping_ratio"}
 
 
 def placed(place: Fitted, candidate: Candidate, shape: int = 0) -> Fitted:
@@ -190,10 +215,11 @@ def compared(scene: Scene, found: Fitted, at_places: Sequence[Fitted], candidate
     another shape of the effect."""
     few = fewer(found)
     starts = [point_at(candidate.model, values, few) for values in begun(scene, found, candidate)]
-    shapes = min(PLACED if candidate.effect.states else 1, len(candidate.effect.shapes))
-    starts += [placed(place, candidate, k).at for place in at_places for k in range(shapes)]
+    if not candidate.effect.many_valleys:
+        shapes = min(PLACED if candidate.effect.states else 1, len(candidate.effect.shapes))
+        starts += [placed(place, candidate, k).at for place in at_places for k in range(shapes)]
     brief = [fit(few, candidate.model, at, BRIEF) for at in starts]
-    for _ in range(HALVED if candidate.effect.states else 0):
+    for _ in range(HALVED if candidate.effect.states or candidate.effect.many_valleys else 0):
         brief = better_half_on(brief)
     other = softer_contact(values_at(min(brief, key=lambda f: f.rms)), candidate.model)
     if other:

@@ -42,6 +42,7 @@ NOT_SMOOTH = (
     "transmission_ripple",
     "gearbox_clearance",
     "contact_nonlinearity",
+    "preload_flank",
     "gantry_coupling",
 )
 """Effects whose place in a fit has to be searched for; the others are added all at once for a start."""

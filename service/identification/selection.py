@@ -20,6 +20,8 @@ from service.recording import FloatArray
 
 LEVEL = 0.01
 """False-finding rate per recording, after correction for the search. Chosen below the 2 % that is aimed at."""
+FAR_NEARER = 0.5
+"""Share of a distance that is not a law which differs a little from the machine's any more (chosen)."""
 MATERIAL = 0.02
 """Share of the held-out RMS that an effect must remove to be worth naming (chosen)."""
 NEAR = 0.1
@@ -104,6 +106,12 @@ def distance(trial: Trial[ModelT]) -> float:
     return trial.train_rms * trial.held_rms
 
 
+def imitated(trials: Mapping[str, Trial[ModelT]], least: float) -> bool:
+    """Whether what comes far nearer to all moves than the `least` distance of what passed is no such effect, by the
+    limits that its numbers are at: something that no library has acts, and what passed is a part of its likeness."""
+    return any(t.at_limits and distance(t) < FAR_NEARER * least for t in trials.values())
+
+
 def gain_p_value(before: Trial[ModelT], after: Trial[ModelT]) -> float:
     """Probability of such a gain by chance over the held-out blocks, one-sided.
 
@@ -151,10 +159,11 @@ def select(
     ``enough`` the RMS of ``shown`` (after a first effect: of ``left``) at which nothing is left to explain;
     ``further`` the same two for every effect after the first, where what is left may be the fit's own imperfection;
     with it the search ends with an effect that is ``explained`` by itself, and leaves no more than ``last``, and where
-    no ``most`` effects can explain everything.
+    no ``most`` effects can explain everything. It also ends where the truth is only ``imitated``.
     ``size`` is a model's number of parameters: of effects that come equally near the one with the fewest is taken.
     ``contains`` names the effects that one becomes when some of its numbers are zero: it is passed over for them unless
-    it removes as much more as a further effect must, and it is no rival of theirs.
+    it removes as much more as a further effect must, and it is no rival of theirs; taken after them, it is named in
+    their place.
     """
     present: Trial[ModelT] = before
     taken: tuple[str, ...] = ()
@@ -171,13 +180,13 @@ def select(
         judged = {n: _judge(n, present, trial, len(trials), material) for n, trial in trials.items()}
         more = (further or (material, enough))[0]
         passed = _without_containing([n for n, c in judged.items() if c.accepted], trials, contains, more)
-        if not passed:
-            log = [c for c in log if c.effect not in judged] + list(judged.values())
+        log = [c for c in log if c.effect not in judged]
+        least = min((distance(trials[name]) for name in passed), default=0.0)
+        if not passed or imitated(trials, least):
+            log += judged.values()
             break
-        least = min(distance(trials[name]) for name in passed)
         near = [name for name in passed if distance(trials[name]) <= (1.0 + NEAR) * least]
         best = min(near, key=lambda name: (size(trials[name]), distance(trials[name])))
-        log = [c for c in log if c.effect not in judged]
         log += [_only(best, candidate) for candidate in judged.values()]
         rivals += [(best, name) for name in passed if name != best and _alike(trials[best], trials[name])]
         present, taken = min(refine(trials[best]), trials[best], key=distance), (*taken, best)
@@ -186,7 +195,8 @@ def select(
         alone = explained(first, present) and left(present) <= last
         if further and (alone or not leads_on(first, present, len(taken), most)):
             break
-    return Selection(first, present, taken, tuple(log), tuple(rivals))
+    named = tuple(n for n in taken if not any(n in contains(other) for other in taken))
+    return Selection(first, present, named, tuple(log), tuple(r for r in rivals if r[0] in named))
 
 
 def _without_containing(

@@ -87,6 +87,11 @@ _WORDS = {
         "The drive smooths the speed that it reports, so that the motor seems to move later and softer than it does.",
         "Check the speed filter in the drive's parameters, and whether somebody changed it.",
     ),
+    "preload_flank": Words(
+        "a spring between the flanks",
+        "Something presses the load towards the middle of the gap: a split pinion or a sprung one against backlash.",
+        "Nothing is wrong if the pinion is built so: accept the model. Else look for what is clamped in the teeth.",
+    ),
     "contact_nonlinearity": Words(
         "flanks that stiffen as they are pressed",
         "The tooth contact is soft at first touch and hard later: dirt or grease between the flanks, or worn teeth.",

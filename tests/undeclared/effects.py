@@ -226,11 +226,11 @@ IN_LIBRARY = (
         constant_force,
     ),
     *(position_dependent_force, gearbox_clearance, position_dependent_backlash, contact_nonlinearity),
-    *(transmission_ripple, sensor_latency, sensor_gain, sensor_bias, speed_filter),
+    *(transmission_ripple, sensor_latency, sensor_gain, sensor_bias, speed_filter, preload_flank),
 )
 NOT_IN_LIBRARY = (
     *(mount_resonance, tilt_coupling, dahl_friction, clock_drift, clock_jitter, mains_hum, torque_slip),
-    *(preload_flank, load_change, neighbour_vibration, clipping),
+    *(load_change, neighbour_vibration, clipping),
 )
 LIBRARY: dict[str, Effect] = {e.__name__: e for e in IN_LIBRARY}
 OUTSIDE: dict[str, Effect] = {e.__name__: e for e in NOT_IN_LIBRARY}

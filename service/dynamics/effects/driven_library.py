@@ -18,6 +18,7 @@ from service.dynamics.effects.driven_transmission import (
     DrivenBentContact,
     DrivenClearance,
     DrivenLocalBacklash,
+    DrivenPreload,
     DrivenRipple,
 )
 
@@ -35,6 +36,7 @@ DRIVEN: Mapping[str, type[DrivenEffect]] = {
         DrivenCurvedFriction,
         DrivenClearance,
         DrivenLocalBacklash,
+        DrivenPreload,
         DrivenBentContact,
         DrivenRipple,
         DrivenHungMass,

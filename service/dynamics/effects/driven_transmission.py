@@ -9,10 +9,11 @@ from typing import ClassVar
 import numpy as np
 
 from service.dynamics.driven_effect import Case, DrivenEffect, Room
+from service.dynamics.driven_friction import add_corner
 from service.dynamics.driven_model import join, spring_damper
 from service.dynamics.driven_motion import between
 from service.dynamics.driven_parameters import LINKS, Parameter
-from service.dynamics.driven_propagation import LinearSystem
+from service.dynamics.driven_propagation import Guide, LinearSystem
 from service.recording import FloatArray
 
 TYPICAL_PUSH = 4.0
@@ -26,32 +27,51 @@ FINE = (0.0, 0.015, 0.05, 0.12, 0.24, 0.4, 0.6, 0.85, 1.2, 1.6, 2.4)
 trace above the noise; twice as many change no likelihood any more."""
 
 
+BOTH = 1e-4
+"""The two gaps together for which the shapes of a clearance are given [m]."""
+CREEP = 5e-4
+"""Speed below which a pinion creeps in its bearings [m/s], about."""
+
+
 @dataclass(frozen=True)
 class DrivenClearance(DrivenEffect):
-    """A second gap in series, in the link before the pinion; the chain needs a lump between the two gaps."""
+    """A second gap in series, in the link before the pinion; the chain needs a lump between the two gaps.
+
+    While both gaps are open, nothing but the friction of its bearings acts on the pinion: `pinion_friction`, per moved
+    mass as all forces are, slows it by some m/s² then, which decides where in its two gaps it is met again.
+    """
 
     name: ClassVar[str] = "gearbox_clearance"
     means: ClassVar[str] = "there is a second gap in series, in the gearbox or a coupling"
     own: ClassVar[tuple[Parameter, ...]] = (
         Parameter("clearance", "m", 0.0, 3e-5, logarithmic=False, low=0.0, high=3e-4),
+        Parameter("pinion_friction", "m/s²", 0.03, 1.0),
     )
     own_nuisance: ClassVar[tuple[Parameter, ...]] = (
         Parameter("pinion_rest", "m", 0.0, 3e-5, logarithmic=False, found_again=True),
     )
-    shapes: ClassVar[tuple[Mapping[str, float], ...]] = ({"clearance": 1e-5}, {"clearance": 4e-5})
+    shapes: ClassVar[tuple[Mapping[str, float], ...]] = tuple(
+        {"clearance": share * BOTH} for share in (0.1, 0.25, 0.4, 0.55, 0.7, 0.85)
+    )
+    many_valleys: ClassVar[bool] = True
 
     def traded(self, values: Mapping[str, float]) -> Mapping[str, float]:
-        """A model without it takes both gaps for one."""
+        """A model without it takes both gaps for one, which is split as a shape's are."""
         out = dict(values)
         for axis in self.axes:
             both = values[f"{axis}.backlash"]
-            out[f"{axis}.clearance"] = min(values[f"{axis}.clearance"], 0.5 * both)
+            out[f"{axis}.clearance"] = both * values[f"{axis}.clearance"] / BOTH
             out[f"{axis}.backlash"] = both - out[f"{axis}.clearance"]
         return out
 
+    def rests(self, values: Mapping[str, float]) -> tuple[Mapping[str, float], ...]:
+        """The pinion lies at either side of its gap."""
+        half = {f"{axis}.pinion_rest": 0.5 * values[f"{axis}.clearance"] for axis in self.axes}
+        return half, {name: -value for name, value in half.items()}
+
     @property
     def gaps(self) -> int:
-        return len(self.axes)
+        return 2 * len(self.axes)
 
     def begin(self, x0: FloatArray, case: Case, room: Room) -> None:
         """The pinion rests anywhere between the two gaps."""
@@ -62,7 +82,7 @@ class DrivenClearance(DrivenEffect):
         """The link's spring and damper are taken out and put back as two flanks."""
         model, links = case.model, LINKS[case.model.lumps]
         for k, axis, x in self.each(model):
-            body, first, gap = len(links) - 1, x * model.states_per_axis, room.gap + k
+            body, first, gap = len(links) - 1, x * model.states_per_axis, room.gap + 2 * k
             masses = [case.values[f"{axis}.{link}_mass"] for link in links]
             stiffness, damping = spring_damper(case.values, axis, links[body])
             join(system, (body, x, first), masses, (-stiffness, -damping))
@@ -76,6 +96,16 @@ class DrivenClearance(DrivenEffect):
                 push[:, at + 1] = sign / masses[body]
                 if body:
                     push[:, before + 1] = -sign / masses[body - 1]
+            rubs = bearing(system, at + 1, case.values[f"{axis}.pinion_friction"], masses[body])
+            add_corner(system, rubs, 1.0, np.full(len(system.A), CREEP), gap + 1)
+
+
+def bearing(system: LinearSystem, speed: int, level: FloatArray, mass: FloatArray) -> Guide:
+    """Coulomb friction `level` (S,) on a mass of the chain, both per moved mass, whose speed is the state `speed`."""
+    S, n, U = system.B.shape
+    slip, onto = np.zeros(n + U), np.zeros((S, n))
+    slip[speed], onto[:, speed] = 1.0, 1.0 / mass
+    return Guide(slip, onto, level, level, np.zeros(S), None, np.zeros((S, 0)))
 
 
 @dataclass(frozen=True)
@@ -93,6 +123,35 @@ class DrivenLocalBacklash(DrivenEffect):
         for _, axis, x in self.each(case.model):
             slope = 0.5 * case.values[f"{axis}.gap_slope"]
             system.approach[:, x, :, case.model.load(x)] -= slope[:, None]
+
+
+@dataclass(frozen=True)
+class DrivenPreload(DrivenEffect):
+    """A spring that holds the load in the middle of the gap: a split pinion, or one that is pressed into the rack. It
+    acts between the flanks as well as in contact, where it is a small part of the contact's stiffness."""
+
+    name: ClassVar[str] = "preload_flank"
+    means: ClassVar[str] = "a spring holds the flanks apart: a split or sprung pinion against backlash"
+    own: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("preload_stiffness", "1/s²", 0.0, 2e4, logarithmic=False, low=0.0, dose=1e3),
+        Parameter("preload_damping_ratio", "1", 0.02, 0.8),
+    )
+
+    def assemble(self, system: LinearSystem, case: Case, room: Room) -> None:
+        model = case.model
+        for _, axis, x in self.each(model):
+            k = case.values[f"{axis}.preload_stiffness"]
+            d = 2.0 * case.values[f"{axis}.preload_damping_ratio"] * np.sqrt(k)
+            load, pinion = model.load(x), model.pinion(x)
+            for part, size in enumerate((k, d)):
+                system.A[:, load + 1, load + part] -= size
+                if pinion is None:
+                    system.B[:, load + 1, system.motor(x, part)] += size
+                else:
+                    mass = case.values[f"{axis}.{LINKS[model.lumps][-1]}_mass"]
+                    system.A[:, load + 1, pinion + part] += size
+                    system.A[:, pinion + 1, load + part] += size / mass
+                    system.A[:, pinion + 1, pinion + part] -= size / mass
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,8 @@ def trial(train: float, held_out: float) -> Trial[Any]:
 @pytest.mark.parametrize(
     ("before", "after", "effects", "finding"),
     [
-        ((1.4, 1.5), (1.4, 1.5), (), "none"),
+        ((1.2, 1.5), (1.2, 1.5), (), "none"),
+        ((1.4, 1.5), (1.4, 1.5), (), "unknown"),
         ((9.0, 9.0), (9.0, 9.0), (), "unknown"),
         ((1.1, 70.0), (1.1, 70.0), (), "unknown"),
         ((9.0, 12.0), (1.1, 1.3), ("stribeck_friction",), "effect"),
@@ -56,6 +57,24 @@ def test_an_impurity_that_moves_the_backlash_by_next_to_nothing_is_none(
     monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: next(values))
     selection = Selection(trial(1.4, 2.5), trial(1.0, 1.1), ("transmission_ripple",), (), ())
     assert axis_verdict.finding_of(selection) == ("none", ())
+
+
+@pytest.mark.parametrize(
+    ("held_out", "left", "found"), [(2.5, 1.0, "effect"), (2.5, 1.5, "none"), (1.5, 1.0, "none")]
+)
+def test_an_effect_that_shows_at_another_speed_only_is_a_finding_if_it_explains_all_of_much(
+    monkeypatch: pytest.MonkeyPatch, held_out: float, left: float, found: str
+) -> None:
+    monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: (50e-6, 1e-7))
+    selection = Selection(trial(1.1, held_out), trial(1.0, left), ("curved_friction",), (), ())
+    assert axis_verdict.finding_of(selection)[0] == found
+
+
+def test_a_residual_that_is_named_by_nothing_is_no_impurity(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What moves the backlash by next to nothing has to explain what is missing."""
+    monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: (50e-6, 1e-7))
+    selection = Selection(trial(1.5, 2.0), trial(1.4, 1.5), ("sensor_gain",), (), ())
+    assert axis_verdict.finding_of(selection) == ("unknown", ())
 
 
 @pytest.mark.parametrize(

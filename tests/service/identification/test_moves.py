@@ -11,6 +11,8 @@ import pytest
 from service.captures import read_capture
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_library import DRIVEN
+from service.dynamics.effects.driven_transmission import DrivenClearance
+from service.identification.axis_verdict import backlash_of, clearance_beside
 from service.identification.expected_errors import expected_errors, speed_errors, speed_noise
 from service.identification.held_out import held_out, told_by_train
 from service.identification.moves import (
@@ -24,13 +26,16 @@ from service.identification.moves import (
 )
 from service.identification.moves_fit import (
     Fitted,
+    Point,
     as_alike_moves,
     best_of_each,
     every,
     fit,
     found_again,
     reconstructed,
+    rests_found,
     settle_locally,
+    values_at,
 )
 from service.identification.scene import ChannelTolerance, as_effects, estimator_alone, point_at, smeared
 from service.recording import FloatArray, Recording, Trace
@@ -205,3 +210,37 @@ def test_the_early_part_is_early(captures: tuple[Recording, Recording]) -> None:
     for grid in part.grids:
         move = captures[0].moves[grid.index]
         assert grid.time[1:][grid.used[0]].max() <= move.start + 0.45 * move.duration
+
+
+def with_a_clearance(found: Fitted, clearance: float) -> tuple[Model, Point]:
+    """The model with a part of its backlash as a second gap in series."""
+    model = replace(found.model, effects=(*found.model.effects, DrivenClearance(("X1",))))
+    whole = found.value("X1.backlash")
+    values = values_at(found) | {"X1.clearance": clearance, "X1.backlash": whole - clearance}
+    return model, point_at(model, values, found.moves)
+
+
+def test_a_pinion_that_rested_at_the_far_side_of_its_gap_is_found_there(found: Fitted) -> None:
+    clearance = 0.6 * found.value("X1.backlash")
+    model, at = with_a_clearance(found, clearance)
+    (part,), own = found.moves, at.local[0].copy()
+    own[:, 2] = -0.5 * clearance / model.nuisance[0].spread
+    said = predict(part, model, at.shared[None], own[None]).acceleration()[0]
+    made = replace(
+        part,
+        grids=tuple(replace(g, measured=said[t]) for t, g in enumerate(part.grids)),
+        expected=part.expected,
+    )
+    again = rests_found([made], model, Point(at.shared, (np.zeros_like(own),))).local[0]
+    assert np.mean(again[:, 2] == own[0, 2]) >= 0.8
+
+
+def test_how_two_gaps_divide_their_sum_is_in_the_interval_of_the_backlash(found: Fitted) -> None:
+    whole = found.value("X1.backlash")
+    model, at = with_a_clearance(found, 0.4 * whole)
+    both = fit(found.moves, model, at, 0)
+    b, std = backlash_of(both, 0)
+    assert b == pytest.approx(0.6 * whole)
+    assert clearance_beside(both, 0) == pytest.approx(whole)
+    assert clearance_beside(found, 0) == 0.0
+    assert std > 0.25 * whole > 10.0 * backlash_of(found, 0)[1]

@@ -12,9 +12,11 @@ from scipy.integrate import solve_ivp
 from service.captures import read_capture
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_bodies import DrivenHungMass, DrivenMachineBody, free_swing
+from service.dynamics.effects.driven_sensors import DrivenGain
+from service.identification.held_out import at_limits
 from service.identification.moves import Moves, moves_of, predict
-from service.identification.moves_fit import Point, resting
-from service.identification.moves_rests import swinging_on
+from service.identification.moves_fit import Fitted, Point, every, resting
+from service.identification.moves_rests import KNOWN, swinging_on
 from service.identification.scene import point_at
 
 MACHINE = {
@@ -78,3 +80,38 @@ def test_moves_begin_as_before_when_what_is_left_is_told(
         states.append(predict(told, model, at.shared[None], at.local[0][None]).states[0, :, 0])
     assert np.max(np.abs(states[-1][1:, -2])) > 1e-6, "something swings"
     np.testing.assert_allclose(states[-1][:, -2:], states[-2][:, -2:], rtol=0.0, atol=1e-9)
+
+
+def test_a_swing_that_the_moves_before_did_not_leave_is_none_of_the_machines_own(moves: Moves) -> None:
+    model = Model(("X1",), 1, (DrivenHungMass(("X1",)),), "whole_move", ("constant", "skew"), bridge=False)
+    swing = {"X1.hung_ratio": 0.1, "X1.hung_frequency": 12.0, "X1.hung_damping": 0.03}
+    at = point_at(model, MACHINE | swing, [moves])
+    (left_by_it,), _ = swinging_on([moves], model, at, KNOWN[-1])
+    near, far = np.zeros(10), np.full(10, 9.0)
+    own = ("X1.hung_displacement", "X1.hung_speed")
+    assert at_limits(Fitted(model, (moves,), at, near, every(model))) == own
+    assert at_limits(Fitted(model, (left_by_it,), at, near, every(model))) == ()
+    assert at_limits(Fitted(model, (moves,), at, far, every(model))) == (), (
+        "a fit that is far off tells nothing of it"
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "u", "odd"),
+    [
+        ("contact_damping_ratio", 4.9, True),
+        ("contact_damping_ratio", -4.9, False),
+        ("drive_damping_ratio", 4.9, True),
+        ("drive_mass", 4.9, False),
+        ("drive_mass", -4.9, False),
+    ],
+)
+def test_a_chain_that_no_machine_has_names_nothing(moves: Moves, name: str, u: float, odd: bool) -> None:
+    """Such as a contact damped three times over, which makes up for something else; but a heavy gear on a rigid spring
+    follows the motor like a light one: a mass at its limit says only that the moves do not tell of it."""
+    model = Model(("X1",), 1, (DrivenGain(("X1",)),), "whole_move", ("constant", "skew"), bridge=False)
+    at = point_at(model, MACHINE, [moves])
+    assert at_limits(Fitted(model, (moves,), at, np.zeros(10), every(model))) == ()
+    at.shared[[p.name for p in model.parameters].index(f"X1.{name}")] = u
+    limits = at_limits(Fitted(model, (moves,), at, np.zeros(10), every(model)))
+    assert limits == ((f"X1.{name}",) if odd else ())

@@ -111,3 +111,18 @@ def test_an_effect_is_begun_again_where_one_ended_that_contains_it(monkeypatch: 
     assert moves_search.as_contained(inner, stub(1.2)).rms == 1.1
     assert begun[0]["X1.constant_force"] == 0.2
     assert begun[0]["X1.coulomb"] == 0.3
+
+
+def test_how_two_gaps_divide_their_sum_is_tried_everywhere_with_the_chain_put_back(monkeypatch: Any) -> None:
+    place = {"X1.backlash": 60e-6, "X1.coulomb": 0.3, "X1.drive_mass": 0.9, "X1.contact_damping_ratio": 0.5}
+    scene = cast(Any, SimpleNamespace(rich=place, smooth=place | {"X1.backlash": 50e-6}))
+    model = Model(("X1",), 1)
+    candidate = moves_starts.candidates(model, (DRIVEN["gearbox_clearance"],), ())[0]
+    monkeypatch.setattr(moves_starts, "values_at", lambda _found: place)
+    monkeypatch.setattr(moves_starts, "scored", lambda *_: ["one", "another"])
+    begun = moves_starts.everywhere(scene, stub(1.6), candidate)
+    sums = [b["X1.backlash"] + b["X1.clearance"] for b in begun]
+    np.testing.assert_allclose(sums, 12 * [60e-6] + 6 * [50e-6])
+    assert len({round(b["X1.clearance"], 9) for b in begun[:6]}) == 6
+    assert not any("X1.drive_mass" in b or "X1.contact_damping_ratio" in b for b in begun)
+    assert moves_starts.everywhere(scene, stub(9.0), candidate) == ["one"], "more is missing than a split gap"

@@ -52,12 +52,22 @@ def test_of_two_that_come_equally_near_the_smaller_is_taken() -> None:
 
 def test_an_effect_that_needs_a_number_where_no_such_effect_is_is_not_taken() -> None:
     """A body that hardly swings, damped as no machine is, is a name for something else."""
-    near = {"body": replace(trial(0.3, 0), at_limits=("body_damping",)), "filter": trial(0.6, 0)}
-    found = select(trial(1.0, 0), lambda _present, taken: near if not taken else {"c": trial(0.6, 0)})
+    body = replace(trial(0.3, 0), at_limits=("body_damping",))
+    near = {"body": body, "filter": trial(0.35, 0)}
+    found = select(trial(1.0, 0), lambda _present, taken: near if not taken else {"c": trial(0.35, 0)})
     assert found.effects == ("filter",)
     assert next(c.why for c in found.candidates if c.effect == "body").startswith("only with body_damping")
     assert DRIVEN["machine_body_mode"](("X1",)).parameters[2].at_limit(0.3)
     assert not DRIVEN["machine_body_mode"](("X1",)).parameters[2].at_limit(0.02)
+
+
+def test_nothing_is_named_where_what_is_no_such_effect_comes_far_nearer() -> None:
+    """A hung mass that swings on by itself, beside a filter that does a little of the same: something else acts."""
+    swinging = replace(trial(0.2, 0), at_limits=("hung_displacement",))
+    rounds = [{"hung": swinging, "filter": trial(0.6, 0)}]
+    found = select(trial(1.0, 0), lambda _present, _taken: rounds.pop())
+    assert found.effects == ()
+    assert {c.effect for c in found.candidates} == {"hung", "filter"}
 
 
 def test_an_error_that_a_model_announces_counts_less_and_the_announcement_against_it() -> None:
@@ -140,3 +150,14 @@ def test_play_keeps_its_state_at_rest_and_saturates() -> None:
 
 def test_an_explanation_of_nothing_is_still_an_object() -> None:
     assert Explanation(()).as_json() == {"axes": []}
+
+
+def test_what_contains_an_effect_that_was_taken_before_is_named_in_its_place() -> None:
+    """A cable chain pulls with a constant and a changing force: first the constant shows, then what changes."""
+    rounds = [{"spring": trial(0.2, 0)}, {"constant": trial(0.5, 0)}]
+    found = select(
+        trial(1.0, 0),
+        lambda _present, _taken: rounds.pop() if rounds else {"else": trial(0.2, 0)},
+        contains=lambda name: ("constant",) if name == "spring" else (),
+    )
+    assert found.effects == ("spring",)

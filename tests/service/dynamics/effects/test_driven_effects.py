@@ -48,8 +48,9 @@ PLANTED = {
         "X1.stribeck_tail": 0.6,
     },
     "curved_friction": {"X1.curved_level": 0.5, "X1.curved_power": 2.0},
-    "gearbox_clearance": {"X1.clearance": 3e-5},
+    "gearbox_clearance": {"X1.clearance": 3e-5, "X1.pinion_friction": 0.15},
     "position_dependent_backlash": {"X1.gap_slope": 0.008},
+    "preload_flank": {"X1.preload_stiffness": 2e4, "X1.preload_damping_ratio": 0.05},
     "contact_nonlinearity": {"X1.bend": 0.4},
     "transmission_ripple": {"X1.ripple_amplitude": 4e-6, "X1.ripple_phase": 1.0, "X1.ripple_period": 3e-3},
     "hung_mass_mode": {"X1.hung_ratio": 0.2, "X1.hung_frequency": 30.0, "X1.hung_damping": 0.03},
@@ -116,10 +117,15 @@ class Plain:
             return one_sided(s, rate, half, k, d)
         return bent_flank(s, rate, half, k, d, self.e["bend"])
 
+    def preload(self, s: float, r: float) -> float:
+        k = self.get("preload_stiffness")
+        return k * s + 2 * self.get("preload_damping_ratio") * float(np.sqrt(k)) * r
+
     def rates(self, t: float, z: FloatArray) -> list[float]:
         xp, vp, x, v, xh, vh, xb, vb = z
         xm, vm = self.motor(t)
         drive, contact = self.drive(xm - xp, vm - vp), self.contact(xp - x + xb, vp - v + vb, x, v)
+        contact += self.preload(xp - x, vp - v)
         rub = self.friction(v - vb)
         a = contact - rub + self.get("constant_force")
         a += self.get("spring_preload") - self.get("spring_rate") * x
@@ -128,7 +134,8 @@ class Plain:
         a += self.get("hung_ratio") * pull
         body = -self.get("body_drive_ratio") * float(self.course(t, 2))
         body += self.get("body_ratio") * (rub - contact) - wb**2 * xb - 2 * self.get("body_damping") * wb * vb
-        return [vp, (drive - contact) / self.v["drive_mass"], v, a, vh, -pull, vb, body]
+        held = self.get("pinion_friction") * float(np.clip(vp / 5e-4, -1.0, 1.0))
+        return [vp, (drive - contact - held) / self.v["drive_mass"], v, a, vh, -pull, vb, body]
 
     def acceleration(self, rest: tuple[float, float]) -> FloatArray:
         """(K,) as the sensor reads it; `rest` is the hung mass' displacement and speed at the start."""
@@ -217,10 +224,15 @@ def test_an_effect_of_amount_zero_is_absent(name: str) -> None:
     assert np.abs(driven((name,), {**effect.starts[-1], **absent}) - driven((), {})).max() < limit
 
 
-def test_a_second_gap_takes_its_width_off_the_first_and_leaves_some() -> None:
-    """A model with one gap takes both for one."""
+@pytest.mark.parametrize(("shape", "share"), [(1e-5, 0.1), (4e-5, 0.4), (8.5e-5, 0.85)])
+def test_a_second_gap_takes_its_width_off_the_first_and_leaves_some(shape: float, share: float) -> None:
+    """A model with one gap takes both for one; a shape is a clearance of 100 µm in all."""
     effect = DRIVEN["gearbox_clearance"](("X1",))
-    for both, clearance in ((100e-6, 40e-6), (30e-6, 15e-6)):
-        values = effect.traded({"X1.backlash": both, "X1.clearance": 40e-6})
-        assert values["X1.clearance"] == pytest.approx(clearance)
-        assert values["X1.backlash"] == pytest.approx(both - clearance)
+    values = effect.traded({"X1.backlash": 60e-6, "X1.clearance": shape})
+    assert values["X1.clearance"] == pytest.approx(share * 60e-6)
+    assert values["X1.backlash"] == pytest.approx((1.0 - share) * 60e-6)
+
+
+def test_a_pinion_between_two_gaps_rests_at_either_side_of_its_own() -> None:
+    effect = DRIVEN["gearbox_clearance"](("X1",))
+    assert effect.rests({"X1.clearance": 4e-5}) == ({"X1.pinion_rest": 2e-5}, {"X1.pinion_rest": -2e-5})
