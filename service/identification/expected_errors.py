@@ -4,8 +4,9 @@ The model is driven by the measured speed of the motor. Its noise, which the dri
 position that wanders by some 0.1 µm within a move, and stiff flanks turn that into accelerations above the sensor's
 noise. So residuals are compared with the variance I + G·Gᵀ, in which G is what one standard deviation of every
 speed sample does to the prediction, how far the motion between the speed's samples is trusted, and how far the motors
-of a gantry may have wandered apart. Only its diagonal is used, as weights: whitening by the whole of it is sharper
-where the structure is right, and was found to take a structure that is slightly off for a wander.
+of a gantry may have wandered apart. While effects are searched for, only its diagonal is used, as weights: whitening by
+the whole of it was found to take a structure that is slightly off for a wander. The numbers of the structure that was
+chosen are fitted with the few ways beside it in which the speed's noise lets a move wander.
 """
 
 from __future__ import annotations
@@ -17,34 +18,30 @@ from scipy.interpolate import CubicSpline
 
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_bodies import WANDERING
-from service.identification.moves import Moves, motor_coefficients, noise_at_rest, simulated
-from service.recording import FloatArray, Trace
+from service.identification.moves import Moves, Wander, motor_coefficients, sample_noise, simulated
+from service.recording import FloatArray
 
 UNTRUSTED = 0.25
 """Share of what reconstructing changes in the motor's motion between its samples that is doubted (chosen)."""
 TOGETHER = 24
-SMALLEST_DIGIT = 0.29
-"""Standard deviation of rounding, in digits: 1/√12."""
-
-
-def speed_noise(trace: Trace, moves: Moves) -> float:
-    """Standard deviation of one speed sample [rad/s]; at least that of its rounding."""
-    steps = np.diff(np.unique(trace.value))
-    digit = float(steps.min()) if len(steps) else 0.0
-    return max(noise_at_rest(trace, moves.recording), SMALLEST_DIGIT * digit)
+WAYS = 6
+"""In which a move wanders; chosen: the motor's place and speed when the gap opens and when it closes, and some more."""
 
 
 def speed_errors(moves: Moves, x: int, skew: float) -> FloatArray:
     """Motion of motor x that one standard deviation of each speed sample adds: (samples, T, K, 5)."""
     axis, T, K = moves.axes[x], len(moves.grids), moves.samples
     trace = moves.recording.traces[axis, "motor_speed"]
-    size = speed_noise(trace, moves) * moves.recording.axis(axis).transmission
+    size = (
+        sample_noise(trace, moves.recording) * moves.recording.axis(axis).transmission * moves.noise_left[x]
+    )
     parts = []
     for grid in moves.grids:
         first = grid.start + skew
         near = np.flatnonzero((trace.time > first) & (trace.time < first + K * moves.h))
-        time = trace.time[max(0, near[0] - 4) : near[-1] + 5]
-        parts.append((first, CubicSpline(time, size * np.eye(len(time))).antiderivative(), len(time)))
+        near = np.arange(max(0, near[0] - 4), min(near[-1] + 5, len(trace)))
+        error = CubicSpline(trace.time[near], np.diag(size[near])).antiderivative()
+        parts.append((first, error, len(near)))
     out = np.zeros((max(count for _, _, count in parts), T, K, 5))
     for t, (first, error, count) in enumerate(parts):
         out[:count, t] = coefficients_of_many(error, first, moves.h, K)
@@ -68,9 +65,14 @@ def expected_errors(
     local: FloatArray,
     *,
     fitted: bool,
-) -> FloatArray:
-    """Expected standard deviation of the residuals over the noise (T, X, K), at a point of the model: shared (P,),
-    local (T, L). Where the moves are `fitted` whole, so is how far a gantry's motors wandered apart."""
+) -> tuple[FloatArray, Wander]:
+    """What the residuals of a right model are expected to be, at a point of it: shared (P,), local (T, L). Where the
+    moves are `fitted` whole, so is how far a gantry's motors wandered apart.
+
+    Returns
+    -------
+    The residuals' standard deviation over the noise (T, X, K), and how it divides.
+    """
     values = model.complete({p.name: p.value(shared[k : k + 1]) for k, p in enumerate(model.parameters)})
     skews = [float(values[f"{a}.skew"][0]) for a in moves.axes]
     c = motor_coefficients(moves, np.array([skews]))
@@ -78,25 +80,40 @@ def expected_errors(
     doubted = UNTRUSTED * (motor_coefficients(plain, np.array([skews])) - c)
     doubted[..., 0] -= doubted[:, :, :1, :, 0]
     said = simulated(moves, model, shared[None], local[None], c).acceleration()
-    squares = np.zeros_like(said[0])
 
-    def add(motion: FloatArray) -> None:
+    def off(motion: FloatArray) -> FloatArray:
         S = len(motion)
         lanes = np.tile(shared, (S, 1)), np.tile(local, (S, 1, 1))
-        off = simulated(moves, model, *lanes, motion).acceleration() - said
-        squares[:] += np.sum(np.nan_to_num(off / moves.noise[:, None]) ** 2, axis=0)
+        changed = simulated(moves, model, *lanes, motion).acceleration() - said
+        return np.asarray(np.nan_to_num(changed / moves.noise[:, None]))
 
-    add(c + doubted)
+    beside = 1.0 + off(c + doubted)[0] ** 2
     if len(moves.axes) == 2 and model.bridge and not fitted:
         wander = np.zeros_like(c)
         wander[:, :, :, 1, 0] = WANDERING
-        add(c + wander)
+        beside += off(c + wander)[0] ** 2
+    by_sample = []
     for x, skew in enumerate(skews):
         for errors in in_parts(speed_errors(moves, x, skew)):
             motion = np.tile(c, (len(errors), 1, 1, 1, 1))
             motion[:, :, :, x] += errors
-            add(motion)
-    return np.asarray(np.sqrt(1.0 + squares))
+            by_sample.append(off(motion))
+    together = np.concatenate(by_sample)
+    return np.sqrt(beside + np.sum(together**2, axis=0)), wander_of(together, beside, moves.used)
+
+
+def wander_of(together: FloatArray, beside: FloatArray, used: FloatArray) -> Wander:
+    """The few ways that hold most of what the speed's samples together (samples, T, X, K) do, the rest being white."""
+    ways, rest = np.zeros((*used.shape, WAYS)), beside.copy()
+    for t, of in enumerate(used):
+        flat, kept = together[:, t].reshape(len(together), -1), of.ravel()
+        u, size, _ = np.linalg.svd(flat[:, kept].T, full_matrices=False)
+        large = (u * size)[:, :WAYS]
+        rest[t][of] += np.sum(flat[:, kept] ** 2, axis=0) - np.sum(large**2, axis=1)
+        scaled = large / np.sqrt(rest[t][of])[:, None]
+        q, s, _ = np.linalg.svd(scaled, full_matrices=False)
+        ways[t][of] = q * np.sqrt(1.0 - 1.0 / np.sqrt(1.0 + s**2))
+    return Wander(np.sqrt(rest), ways)
 
 
 def in_parts(sets: FloatArray) -> list[FloatArray]:

@@ -26,10 +26,18 @@ from service.dynamics.driven_motion import (
     sample_period,
 )
 from service.dynamics.driven_reconstruction import Balance, Echo, Load, answered, echo, window
+from service.identification.alike_moves import averaged as averaged_over
 from service.recording import FloatArray, Recording, Trace
 
 LEAD = 0.002
 """Time simulated before a move begins [s]: the axis is at rest there."""
+
+TAIL = 0.03
+"""How much after its end a move is fitted [s]. There the load stops, and how friction turns over tells its Coulomb part
+from its viscous part, which slides at one speed while the gap is crossed. Chosen: the drive stops some ms late, and the
+load swings out in a few periods of its contact."""
+SMALLEST_DIGIT = 0.29
+"""Standard deviation of rounding, in digits: 1/√12."""
 STILL = 1.5
 """Spread of the sensor's samples in a rest, over their noise, from which on something swings there."""
 REST_SPREAD = np.array([6e-5, 5e-4])
@@ -66,6 +74,27 @@ class Swings:
 
 
 @dataclass(frozen=True)
+class Wander:
+    """How what is expected of a right model's residuals divides.
+
+    Attributes
+    ----------
+    beside : (T, X, K) standard deviation over the noise beside the ways
+    ways : (T, X, K, Q) orthogonal ways in which a move's residuals over `beside` wander together, each of such a length
+        c that r − c·cᵀ·r is white; 0 where there is no sample
+    """
+
+    beside: FloatArray
+    ways: FloatArray
+
+    def whitened(self, difference: FloatArray) -> FloatArray:
+        """Residuals (S, T, X, K) over the noise, whitened."""
+        over = np.where(np.isfinite(difference), difference / self.beside, 0.0)
+        along = np.einsum("stxk,txkq->stq", over, self.ways)
+        return np.asarray(over - np.einsum("stq,txkq->stxk", along, self.ways))
+
+
+@dataclass(frozen=True)
 class Moves:
     """All moves of one recording.
 
@@ -74,12 +103,14 @@ class Moves:
     noise : (X,) standard deviation of one accelerometer sample [m/s²]
     grids : one per move, all of K intervals
     plain : (X,) motor position at the output over the whole recording
+    noise_left : (X,) share (n,) of the noise of each speed sample that is left by averaging alike moves
     motion : (T, X) motor position around each move
     echoes, reference : (T, X) how it follows a change of the force on the motor, and the force (T, X, K + 1) from
         which it was reconstructed; none where it does not follow
     bias : (T, X) what the sensor said at rest around each move [m/s²], taken off
     expected : (T, X, K) standard deviation over the noise that a right model's residual is expected to have
     swings : what still swings at the beginning of each move, if the move before left it; none: not known
+    wander, white : how what is expected divides, and whether residuals are whitened by it
     """
 
     recording: Recording
@@ -87,12 +118,15 @@ class Moves:
     noise: FloatArray
     grids: tuple[StepGrid, ...]
     plain: tuple[PPoly, ...]
+    noise_left: tuple[FloatArray, ...]
     motion: tuple[tuple[PPoly, ...], ...]
     bias: FloatArray
     expected: FloatArray
     echoes: tuple[tuple[Echo, ...], ...] = ()
     reference: FloatArray | None = None
     swings: Swings | None = None
+    wander: Wander | None = None
+    white: bool = False
 
     @property
     def h(self) -> float:
@@ -152,8 +186,34 @@ def sensor_zero(trace: Trace, recording: Recording, noise: float) -> float:
     return float(np.trapezoid(trace.value, trace.time)) / length
 
 
-def moves_of(recording: Recording, axes: Sequence[str]) -> Moves:
-    """The grids, the noise and the plain motor motion of all moves of a recording."""
+def sample_noise(trace: Trace, recording: Recording) -> float:
+    """Standard deviation of one sample of a drive's channel, in its unit; at least that of its rounding."""
+    steps = np.diff(np.unique(trace.value))
+    digit = float(steps.min()) if len(steps) else 0.0
+    return max(noise_at_rest(trace, recording), SMALLEST_DIGIT * digit)
+
+
+def with_drives_averaged(
+    recording: Recording, axes: Sequence[str]
+) -> tuple[Recording, tuple[FloatArray, ...]]:
+    """The recording with what the axes' drives do alike in several moves told from noise; and what is left of the noise
+    of every axis' speed."""
+    traces, left = dict(recording.traces), {}
+    for key in ((a, c) for a in axes for c in ("motor_speed", "motor_torque")):
+        if key in traces:
+            noise = sample_noise(traces[key], recording)
+            traces[key], left[key] = averaged_over(traces[key], recording.moves, noise, TAIL)
+    return replace(recording, traces=traces), tuple(left[a, "motor_speed"] for a in axes)
+
+
+def moves_of(
+    recording: Recording, axes: Sequence[str], tail: float = 0.0, *, averaged: bool = False
+) -> Moves:
+    """The grids, the noise and the plain motor motion of all moves of a recording, each until `tail` [s] after its
+    end; with `averaged` by what the drives do alike in several moves."""
+    noise_left = tuple(np.ones(len(recording.traces[a, "motor_speed"])) for a in axes)
+    if averaged:
+        recording, noise_left = with_drives_averaged(recording, axes)
     traces = [acceleration_of(recording, axis) for axis in axes]
     h = sample_period(traces[0])
     noise = np.array([noise_at_rest(trace, recording) for trace in traces])
@@ -163,18 +223,18 @@ def moves_of(recording: Recording, axes: Sequence[str]) -> Moves:
     plain = tuple(
         plain_motion(recording.traces[a, "motor_speed"], recording.axis(a).transmission) for a in axes
     )
-    K = int(np.ceil((max(m.duration for m in recording.moves) + LEAD) / h)) + 1
+    K = int(np.ceil((max(m.duration for m in recording.moves) + LEAD + tail) / h)) + 1
     zero = float(traces[0].time[0])
     grids = []
     for index, move in enumerate(recording.moves):
         start = zero + (np.floor((move.start - LEAD - zero) / h) - 0.5) * h
         measured = np.stack([on_grid(trace, start, h, K) for trace in traces]) - bias[:, None]
-        during = [on_grid(trace.between(move.start, move.end), start, h, K) for trace in traces]
+        during = [on_grid(trace.between(move.start, move.end + tail), start, h, K) for trace in traces]
         grids.append(StepGrid(index, move.direction, start, h, measured, np.isfinite(np.stack(during))))
     motion = tuple(plain for _ in grids)
     expected = np.ones((len(grids), len(axes), K))
     rest = np.tile(bias, (len(grids), 1))
-    return Moves(recording, tuple(axes), noise, tuple(grids), plain, motion, rest, expected)
+    return Moves(recording, tuple(axes), noise, tuple(grids), plain, noise_left, motion, rest, expected)
 
 
 def early_part(moves: Moves, share: float) -> Moves:
@@ -188,7 +248,15 @@ def early_part(moves: Moves, share: float) -> Moves:
         replace(grid, measured=grid.measured[:, :K], used=(grid.used & (grid.time[1:] <= end))[:, :K])
         for grid, end in zip(moves.grids, ends, strict=True)
     )
-    return replace(moves, grids=grids, expected=moves.expected[..., :K], echoes=(), reference=None)
+    return replace(
+        moves,
+        grids=grids,
+        expected=moves.expected[..., :K],
+        echoes=(),
+        reference=None,
+        wander=None,
+        white=False,
+    )
 
 
 def some_of(moves: Moves, count: int) -> Moves:
@@ -203,6 +271,8 @@ def some_of(moves: Moves, count: int) -> Moves:
         echoes=moves.echoes[kept],
         reference=None if moves.reference is None else moves.reference[kept],
         swings=None if moves.swings is None else moves.swings.of(kept),
+        wander=None,
+        white=False,
     )
 
 
@@ -262,8 +332,9 @@ def left_over(moves: Moves, model: Model, values: Values) -> dict[str, FloatArra
 
 def residuals(moves: Moves, said: Course) -> FloatArray:
     """(measured − predicted) of the samples used, over the standard deviation that is expected of it: (S, N)."""
-    difference = (moves.measured - said.acceleration()) / (moves.noise[:, None] * moves.expected)
-    return np.asarray(difference[:, moves.used])
+    difference = (moves.measured - said.acceleration()) / moves.noise[:, None]
+    over = moves.wander.whitened(difference) if moves.white and moves.wander else difference / moves.expected
+    return np.asarray(over[:, moves.used])
 
 
 def misfits(moves: Moves, model: Model, shared: FloatArray, local: FloatArray) -> FloatArray:

@@ -145,6 +145,28 @@ def priors(at: Point, free: Free) -> FloatArray:
     return np.concatenate([at.shared[free], *(local.ravel() for local in at.local)])
 
 
+def limits(model: Model) -> FloatArray:
+    """Least and greatest coordinate of every shared parameter, (P, 2): where its value ends, at most FAR."""
+    ends = [
+        (p.internal(p.low) if p.low > 0.0 or not p.logarithmic else -np.inf, p.internal(p.high))
+        for p in model.parameters
+    ]
+    return np.clip(np.array(ends, dtype=np.float64).reshape(-1, 2), -FAR, FAR)
+
+
+def within(model: Model, at: Point) -> Point:
+    """The point with every shared coordinate where its parameter has a value of its own."""
+    low, high = limits(model).T
+    return Point(np.clip(at.shared, low, high), at.local)
+
+
+def stopped(model: Model, at: Point, free: Free, g: FloatArray) -> NDArray[np.bool_]:
+    """(F,) which free shared coordinates stand at a limit beyond which the gradient g would take them."""
+    low, high = limits(model)[free].T
+    here = at.shared[free]
+    return np.asarray(((here <= low) & (g[: len(free)] > 0.0)) | ((here >= high) & (g[: len(free)] < 0.0)))
+
+
 def jacobian(
     moves: Sequence[Moves], model: Model, at: Point, free: Free, known: FloatArray | None = None
 ) -> tuple[FloatArray, Slopes]:
@@ -154,15 +176,17 @@ def jacobian(
     own = 0 if known is not None else 1
     slopes, rows, counts = [], [], [0]
     begin = 0
+    inward = np.where(at.shared[free] + DIFFERENCE > limits(model)[free, 1], -DIFFERENCE, DIFFERENCE)
+    differences = np.concatenate((inward, np.full(L, DIFFERENCE)))
     for part, local in zip(moves, at.local, strict=True):
         sets, lanes = np.tile(at.shared, (own + P + L, 1)), np.tile(local, (own + P + L, 1, 1))
         for row, k in enumerate(free):
-            sets[own + row, k] += DIFFERENCE
+            sets[own + row, k] += inward[row]
         for j in range(L):
             lanes[own + P + j, :, j] += DIFFERENCE
         r = misfits(part, model, sets, lanes)
         rows.append(r[0] if known is None else known[begin : begin + r.shape[1]])
-        slopes.append((r[own:] - rows[-1]) / DIFFERENCE)
+        slopes.append((r[own:] - rows[-1]) / differences[:, None])
         counts += [int(np.sum(used)) for used in part.used]
         begin += r.shape[1]
     J = np.hstack(slopes).T
@@ -171,10 +195,10 @@ def jacobian(
     return np.concatenate(rows), Slopes(shared, own_slopes, np.cumsum(counts))
 
 
-def moved(at: Point, step: FloatArray, free: Free) -> Point:
+def moved(model: Model, at: Point, step: FloatArray, free: Free) -> Point:
     """The point after a step of the free coordinates."""
     shared, local, first = at.shared.copy(), [], len(free)
-    shared[free] = np.clip(shared[free] + step[: len(free)], -FAR, FAR)
+    shared[free] = np.clip(shared[free] + step[: len(free)], *limits(model)[free].T)
     for own in at.local:
         local.append(np.clip(own + step[first : first + own.size].reshape(own.shape), -20.0, 20.0))
         first += own.size
@@ -245,7 +269,7 @@ def fit(
     tolerance: float = 0.3,
 ) -> Fitted:
     """Levenberg-Marquardt, several dampings at once; ends when a round gains less than `tolerance` of cost."""
-    damping, free = 1e-2, every(model) if free is None else free
+    damping, free, at = 1e-2, every(model) if free is None else free, within(model, at)
     with np.errstate(all="ignore"):
         r = trials(moves, model, [at])[0]
         for _ in range(rounds if np.all(np.isfinite(r)) else 0):
@@ -253,8 +277,11 @@ def fit(
             scale = max(1.0, float(np.sqrt(np.mean(r**2))))
             H, g = J.normal(r)
             H, g = H / scale**2 + np.eye(len(H)), g / scale**2 + priors(at, free)
+            held = np.flatnonzero(stopped(model, at, free, g))
+            H[held], H[:, held], g[held] = 0.0, 0.0, 0.0
+            H[held, held] = 1.0
             dampings = damping * LADDER
-            points = [moved(at, step, free) for step in damped(H, g, dampings)]
+            points = [moved(model, at, step, free) for step in damped(H, g, dampings)]
             before = cost(at, r, scale, free)
             tried = trials(moves, model, points)
             costs = [cost(p, row, scale, free) for p, row in zip(points, tried, strict=True)]

@@ -45,7 +45,13 @@ PROMISING = 4
 FINALISTS = 2
 """Effects whose fit is finished with the motor's motion reconstructed from it."""
 MORE, GAIN = 3, 0.005
-"""How often a fit is continued, and the share of its RMS that it must gain to be continued again."""
+"""How often a fit of what swings is continued, each time with the swings that it leaves, and the share of its RMS that
+it must gain to be continued again."""
+TURNS, STEADY = 8, 2.0
+"""How often a fit and the reconstructed motion take turns at the end, and the change of the sum of squares, over the
+noise, from which on they agree (chosen: a standard deviation of one number changes it by one)."""
+OF_PINION = 1.0 / 3.0
+"""Share of a drive's mass that is begun with as the pinion's (chosen; the fit finds it)."""
 ENDED, HOPELESS = 1.05, NEAR
 """RMS up to which a fit need not be begun elsewhere, and from which on neither that nor more rounds nor what still
 swings makes its effect the right one."""
@@ -169,20 +175,55 @@ def ended(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
     for place in () if split else (scene.rich, scene.smooth):
         if ENDED < best.rms < HOPELESS:
             best = min(best, elsewhere(best, place), key=lambda f: f.rms)
-    for _ in range(MORE if best.rms < HOPELESS else 0):
+    more = MORE if swings_at_all(best.model) else 1
+    for _ in range(more if best.rms < HOPELESS else 0):
         further = settled(best, ROUNDS)
         gained, best = best.rms - further.rms, min(best, further, key=lambda f: f.rms)
         if gained < GAIN * best.rms:
             break
+    best = steady(best) if best.rms < HOPELESS else best
     return trial if best is trial.model.fitted else trial_of(scene, best)
 
 
+def steady(found: Fitted) -> Fitted:
+    """The fit continued until it and the motion of the motors that is reconstructed from it agree: each takes the other
+    along, and the numbers that no sample tells by itself, such as the parts of friction, arrive last. Every move may
+    wander as the noise of its speed lets it."""
+    white = Fitted(
+        found.model, tuple(replace(m, white=True) for m in found.moves), found.at, found.r, found.free
+    )
+    for turn in range(TURNS):
+        on = fit(reconstructed(white), found.model, white.at, ROUNDS, tolerance=0.05)
+        change, white = abs(float(on.r @ on.r - white.r @ white.r)), on
+        if turn and change < STEADY:
+            break
+    moves = tuple(replace(m, white=False) for m in white.moves)
+    return fit(moves, found.model, white.at, 0)
+
+
 def in_full(found: Fitted) -> Fitted:
-    """The fit with its effects as they are simulated for a value."""
+    """The fit with its effects as they are simulated for a value, and with gear and pinion apart if it is near."""
     effects = tuple(effect.refined for effect in found.model.effects)
-    if effects == found.model.effects:
+    lumps = 2 if found.rms < HOPELESS else found.model.lumps
+    model = replace(found.model, effects=effects, lumps=lumps)
+    if model == found.model:
         return found
-    return fit(found.moves, replace(found.model, effects=effects), found.at, ROUNDS)
+    values = values_at(found) if lumps == found.model.lumps else parted(values_at(found), model.axes)
+    shared = np.array([float(p.internal(values[p.name])) for p in model.parameters])
+    return fit(found.moves, model, Point(shared, found.at.local), ROUNDS)
+
+
+def parted(values: Values, axes: Sequence[str]) -> Values:
+    """The values with the one mass of every drive as gear and pinion, on two springs that are as soft together."""
+    out = dict(values)
+    for axis in axes:
+        stiffness, mass, damping = (
+            values[f"{axis}.drive_{n}"] for n in ("stiffness", "mass", "damping_ratio")
+        )
+        for link, share in (("gear", 1.0 - OF_PINION), ("pinion", OF_PINION)):
+            out[f"{axis}.{link}_stiffness"], out[f"{axis}.{link}_mass"] = 2.0 * stiffness, share * mass
+            out[f"{axis}.{link}_damping_ratio"] = damping
+    return out
 
 
 def elsewhere(found: Fitted, place: Values) -> Fitted:

@@ -10,7 +10,7 @@ import numpy as np
 from service.dynamics.effects.driven_library import DRIVEN
 from service.identification.axis_verdict import LEFT, backlash_of
 from service.identification.explanation import CannotExplain
-from service.identification.moves_search import in_full, refitted, settled
+from service.identification.moves_search import in_full, refitted, settled, steady
 from service.identification.moves_starts import Candidate, compared, grounds
 from service.identification.scene import declared_fit, scene_of
 from service.recording import Recording
@@ -58,7 +58,7 @@ def revised_values(
             model = replace(found.model, effects=(*found.model.effects, effect))
             brief = compared(scene, found, grounds(scene, found), Candidate(effect, model))
             found = refitted(found, brief, brief[0].rms)
-        found = settled(in_full(found), ROUNDS)
+        found = steady(settled(in_full(found), ROUNDS))
     values = {}
     for x, axis in enumerate(axes):
         b, std = backlash_of(found, x)

@@ -22,7 +22,7 @@ from service.dynamics.driven_parameters import Values as SetValues
 from service.dynamics.effects.driven_bodies import MotorWander
 from service.identification.bridge_zero import bridge_zero, moved_to
 from service.identification.expected_errors import expected_errors
-from service.identification.moves import Moves, moves_of
+from service.identification.moves import TAIL, Moves, moves_of
 from service.identification.moves_fit import (
     Fitted,
     Point,
@@ -209,7 +209,7 @@ def scene_of(
     places = as_effects(rich, axes)
     own = (ChannelTolerance(axes), MotorWander(axes)) if gantry else (ChannelTolerance(axes),)
     declared = Model(axes, lumps, own, "whole_move", HELD, bridge=gantry)
-    *before, last = [moves_of(r, axes) for r in (*train, validate)]
+    before, last = [moves_of(r, axes, TAIL) for r in train], moves_of(validate, axes, averaged=True)
     if gantry:
         *before, last = to_one_zero((*before, last), declared, places)
     smooth = smooth_fit(before, declared, places, library)
@@ -231,4 +231,5 @@ def to_one_zero(recordings: Sequence[Moves], model: Model, place: Values) -> lis
 def with_expected_errors(moves: Moves, found: Fitted, fitted: bool) -> Moves:
     """The moves with the spread that a right model's residuals would have, judged at a fit."""
     at = rests_found([moves], found.model, Point(found.at.shared, resting([moves], found.model)))
-    return replace(moves, expected=expected_errors(moves, found.model, at.shared, at.local[0], fitted=fitted))
+    expected, wander = expected_errors(moves, found.model, at.shared, at.local[0], fitted=fitted)
+    return replace(moves, expected=expected, wander=wander)

@@ -189,7 +189,9 @@ def select(
         best = min(near, key=lambda name: (size(trials[name]), distance(trials[name])))
         log += [_only(best, candidate) for candidate in judged.values()]
         rivals += [(best, name) for name in passed if name != best and _alike(trials[best], trials[name])]
-        present, taken = min(refine(trials[best]), trials[best], key=distance), (*taken, best)
+        refined = refine(trials[best])
+        worse = distance(refined) > (1.0 + NEAR) * distance(trials[best])
+        present, taken = trials[best] if worse else refined, (*taken, best)
         material, enough, missing = *(further or (material, enough)), left
         tell(f"{best}: held-out RMS {present.validation_rms:.4g}")
         alone = explained(first, present) and left(present) <= last

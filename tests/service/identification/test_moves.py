@@ -13,7 +13,7 @@ from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_library import DRIVEN
 from service.dynamics.effects.driven_transmission import DrivenClearance
 from service.identification.axis_verdict import backlash_of, clearance_beside
-from service.identification.expected_errors import expected_errors, speed_errors, speed_noise
+from service.identification.expected_errors import WAYS, expected_errors, speed_errors, wander_of
 from service.identification.held_out import held_out, told_by_train
 from service.identification.moves import (
     Moves,
@@ -22,6 +22,7 @@ from service.identification.moves import (
     noise_at_rest,
     predict,
     residuals,
+    sample_noise,
     sensor_zero,
 )
 from service.identification.moves_fit import (
@@ -32,11 +33,16 @@ from service.identification.moves_fit import (
     every,
     fit,
     found_again,
+    jacobian,
+    limits,
     reconstructed,
     rests_found,
     settle_locally,
+    stopped,
     values_at,
+    within,
 )
+from service.identification.moves_search import steady
 from service.identification.scene import ChannelTolerance, as_effects, estimator_alone, point_at, smeared
 from service.recording import FloatArray, Recording, Trace
 
@@ -84,9 +90,9 @@ def test_a_noisier_drive_makes_larger_errors_expected(
     noisy = Trace(speed.time, speed.value + 0.05 * rng.standard_normal(len(speed)))
     loud = moves_of(replace(train, traces={**train.traces, ("X1", "motor_speed"): noisy}), ("X1",))
     quiet = found.moves[0]
-    assert speed_noise(noisy, loud) == pytest.approx(0.05, rel=0.1)
+    assert sample_noise(noisy, train) == pytest.approx(0.05, rel=0.1)
     spreads = [
-        expected_errors(m, found.model, found.at.shared, found.at.local[0], fitted=True)
+        expected_errors(m, found.model, found.at.shared, found.at.local[0], fitted=True)[0]
         for m in (quiet, loud)
     ]
     assert np.all(spreads[0] >= 1.0)
@@ -97,11 +103,79 @@ def test_the_errors_of_single_samples_add_up_to_the_error_of_all(
     captures: tuple[Recording, Recording],
 ) -> None:
     """A spline is linear in its samples: one standard deviation on all of them is a speed that is off by as much."""
-    moves = moves_of(captures[0], ("X1",))
+    moves, speed = moves_of(captures[0], ("X1",)), captures[0].traces["X1", "motor_speed"]
+    moves = replace(moves, noise_left=(np.ones(len(speed)),))
     together = speed_errors(moves, 0, 0.0).sum(axis=0)[0]
-    off = speed_noise(captures[0].traces["X1", "motor_speed"], moves) * captures[0].axis("X1").transmission
+    off = sample_noise(speed, captures[0]) * captures[0].axis("X1").transmission
     np.testing.assert_allclose(together[:, 1], off, rtol=1e-9)
     np.testing.assert_allclose(together[:, 0], off * moves.h * np.arange(moves.samples), atol=1e-15)
+
+
+def test_a_wander_of_a_few_ways_is_whitened_to_the_identity() -> None:
+    """(I − C·Cᵀ)·D^(−1/2) makes the covariance D + G·Gᵀ white, for any G of as few ways as are kept."""
+    rng = np.random.default_rng(8)
+    shape = (1, 1, 40)
+    used = np.ones(shape, dtype=bool)
+    used[..., 7] = False
+    together = 3.0 * rng.standard_normal((WAYS, *shape)) * used
+    beside = 1.0 + rng.random(shape)
+    wander = wander_of(together, beside, used)
+    columns = np.concatenate(
+        (together, np.sqrt(beside)[0, 0, :, None, None, None] * np.eye(40)[:, None, None, :])
+    )
+    columns = np.where(used, columns, np.nan)
+    white = wander.whitened(columns)[:, 0, 0]
+    np.testing.assert_allclose(white.T @ white, np.diag(used[0, 0].astype(float)), atol=1e-9)
+
+
+def test_a_number_at_its_limit_has_the_slope_that_leads_away_from_it(found: Fitted) -> None:
+    k = [p.name for p in found.model.parameters].index("X1.smear")
+    limit = limits(found.model)[k]
+    shared = found.at.shared.copy()
+    shared[k] = limit[1]
+    inside = shared.copy()
+    inside[k] -= 1e-3
+    at, near = (Point(u, found.at.local) for u in (shared, inside))
+    free = np.array([k])
+    slope, close = (jacobian(found.moves, found.model, one, free)[1].shared[:, 0] for one in (at, near))
+    assert np.linalg.norm(close) > 1.0
+    np.testing.assert_allclose(slope, close, atol=0.02 * np.linalg.norm(close))
+
+
+def test_no_fit_leaves_the_values_that_its_numbers_have(found: Fitted) -> None:
+    k = [p.name for p in found.model.parameters].index("X1.smear")
+    shared = found.at.shared.copy()
+    shared[k] = -3.0
+    begun = Point(shared, found.at.local)
+    assert within(found.model, begun).shared[k] == limits(found.model)[k, 0] == 0.0
+    fitted = fit(found.moves, found.model, begun, 4)
+    assert fitted.at.shared[k] >= 0.0
+    gradient = np.zeros(len(shared) + 1)
+    gradient[k] = 1.0
+    free = every(found.model)
+    assert stopped(found.model, within(found.model, begun), free, gradient)[k]
+    assert not stopped(found.model, within(found.model, begun), free, -gradient)[k]
+
+
+def test_a_fit_that_was_ended_early_and_its_motion_go_on_until_they_agree(
+    captures: tuple[Recording, Recording], found: Fitted
+) -> None:
+    """Coulomb and viscous friction traded for one another as far as the gap's crossing does not tell them apart."""
+    names = [p.name for p in found.model.parameters]
+    moves = tuple(
+        replace(m, wander=expected_errors(m, found.model, found.at.shared, own, fitted=True)[1])
+        for m, own in zip(found.moves, found.at.local, strict=True)
+    )
+    shared = found.at.shared.copy()
+    shared[names.index("X1.coulomb")] += 0.2
+    shared[names.index("X1.viscous")] -= 0.2
+    off = fit(moves, found.model, Point(shared, found.at.local), 0)
+    ends = [steady(one) for one in (off, Fitted(found.model, moves, found.at, found.r, found.free))]
+    for name in ("X1.coulomb", "X1.viscous", "X1.backlash"):
+        k = names.index(name)
+        spread = np.sqrt(told_by_train(ends[0])[k, k])
+        assert ends[0].at.shared[k] == pytest.approx(ends[1].at.shared[k], abs=0.3 * spread), name
+    assert not any(m.white for one in ends for m in one.moves)
 
 
 def test_noise_at_rest_counts_neither_a_swing_nor_impacts(captures: tuple[Recording, Recording]) -> None:

@@ -6,10 +6,12 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
+import pytest
 
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_library import DRIVEN
 from service.identification import moves_search, moves_starts
+from service.identification.moves_search import parted
 from service.identification.moves_starts import alike, softer_contact
 
 
@@ -19,6 +21,16 @@ def test_shaft_and_contact_are_exchanged_only_where_the_contact_is_the_stiffer()
     soft = {"X1.pinion_stiffness": 2e6, "X1.contact_stiffness": 7e5, "X1.coulomb": 0.3}
     assert softer_contact(stiff, model) == soft
     assert softer_contact(soft, model) is None
+
+
+def test_gear_and_pinion_are_begun_as_soft_and_as_heavy_as_the_drive_they_are_of() -> None:
+    drive = {"X1.drive_stiffness": 8e5, "X1.drive_mass": 0.06, "X1.drive_damping_ratio": 0.03}
+    both = parted(drive, ("X1",))
+    assert 1.0 / (1.0 / both["X1.gear_stiffness"] + 1.0 / both["X1.pinion_stiffness"]) == pytest.approx(8e5)
+    assert both["X1.gear_mass"] + both["X1.pinion_mass"] == pytest.approx(0.06)
+    assert {p.name for p in Model(("X1",), 2).parameters if "gear" in p.name or "pinion" in p.name} <= set(
+        both
+    )
 
 
 def test_every_move_begins_like_the_best_described_one_of_its_direction(monkeypatch: Any) -> None:

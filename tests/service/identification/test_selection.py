@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from service.dynamics.effects.driven_library import DRIVEN
 from service.identification.explanation import Explanation
@@ -48,6 +49,19 @@ def test_of_two_that_come_equally_near_the_smaller_is_taken() -> None:
     for size, first in ((lambda t: len(t.model), "small"), (lambda _t: 0, "large")):
         found = select(trial(1.0, 0), lambda _p, taken: {} if taken else trials, enough=0.6, size=size)
         assert found.effects == (first,)
+
+
+@pytest.mark.parametrize(("refined", "kept"), [(1.05, 1.05), (1.3, 1.0)])
+def test_what_was_fitted_to_the_end_is_kept_unless_it_predicts_far_worse(refined: float, kept: float) -> None:
+    """The end of a fit is where the train moves want it: the held-out ones judge it, and do not choose between ends."""
+    before = trial(3.0, 0)
+    done = select(
+        before,
+        lambda _present, _taken: {"sensor_gain": trial(1.0, 1)},
+        refine=lambda _trial: trial(refined, 2),
+        most=1,
+    )
+    assert done.after.validation_rms == pytest.approx(kept, rel=0.05)
 
 
 def test_an_effect_that_needs_a_number_where_no_such_effect_is_is_not_taken() -> None:

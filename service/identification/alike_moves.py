@@ -1,0 +1,88 @@
+"""What the drive does alike in all moves of one direction, told from the noise of its channels.
+
+A drive repeats itself: moves of one direction are made by one controller after one set-point, so that their speed and
+torque differ by the noise and by what the load does differently. Where the samples of alike moves, laid over one
+another, differ by no more than the noise, their mean stands for each of them; where they differ by more, each keeps
+its own (the positive-part shrinkage of James and Stein, 1961, in a window that runs along the move). What differs
+slowly, of which the integral is a way that a single window hardly shows, is judged by all moves together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import uniform_filter1d
+
+from service.recording import FloatArray, Move, Trace
+
+WINDOW = 0.012
+"""Length of the window [s]; chosen: about the time in which a gap is crossed."""
+ALIKE = 0.02
+"""Share by which lengths and durations of alike moves may differ (chosen)."""
+
+
+def groups(moves: Sequence[Move]) -> list[list[int]]:
+    """Indices of the moves of one direction, length and duration, group by group."""
+    out: list[list[int]] = []
+    for k, move in enumerate(moves):
+        for group in out:
+            if alike(move, moves[group[0]]):
+                group.append(k)
+                break
+        else:
+            out.append([k])
+    return out
+
+
+def alike(one: Move, other: Move) -> bool:
+    """Whether two moves have one set-point."""
+    length, duration = abs(one.length - other.length), abs(one.duration - other.duration)
+    near = length <= ALIKE * other.length and duration <= ALIKE * other.duration
+    return one.direction == other.direction and near
+
+
+def averaged(trace: Trace, moves: Sequence[Move], noise: float, after: float) -> tuple[Trace, FloatArray]:
+    """A drive's channel with the samples of each move, until `after` [s] from its end, taken nearer to those of the
+    moves alike, as far as they differ by chance.
+
+    Parameters
+    ----------
+    noise : standard deviation of one sample, in the trace's unit
+
+    Returns
+    -------
+    The trace, and the share (n,) of its samples' noise that is left.
+    """
+    value, left = trace.value.copy(), np.ones(len(trace))
+    course, begin, end = CubicSpline(trace.time, trace.value), trace.time[0], trace.time[-1]
+    width = max(4, round(WINDOW / float(np.median(np.diff(trace.time)))))
+    for group in groups(moves):
+        places = [np.searchsorted(trace.time, (moves[k].start, moves[k].end + after)) for k in group]
+        count, length = len(group), int(np.min(np.diff(places)))
+        if count < 2 or length < width:
+            continue
+        own = np.stack([trace.value[first : first + length] for first, _ in places])
+        mean = np.empty_like(own)
+        for row, (k, (first, _)) in enumerate(zip(group, places, strict=True)):
+            since = trace.time[first : first + length] - moves[k].start
+            mean[row] = np.mean([course(np.clip(since + moves[j].start, begin, end)) for j in group], axis=0)
+        variance = noise**2 * (1.0 - 1.0 / count)
+        slow = uniform_filter1d(own - mean, width, axis=1, mode="nearest")
+        fast = own - mean - slow
+        together = real_share(np.mean(slow**2, axis=0), variance / width)
+        each = real_share(
+            uniform_filter1d(fast**2, width, axis=1, mode="nearest"), variance * (1.0 - 1.0 / width)
+        )
+        for row, (first, _) in enumerate(places):
+            value[first : first + length] = mean[row] + together * slow[row] + each[row] * fast[row]
+            kept = together**2 / width + each[row] ** 2 * (1.0 - 1.0 / width)
+            left[first : first + length] = np.sqrt((1.0 + kept * (count - 1)) / count)
+    return replace(trace, value=value), left
+
+
+def real_share(power: FloatArray, by_chance: float) -> FloatArray:
+    """Share of deviations that is no chance, from their power and the power that chance has."""
+    return np.asarray(np.clip(1.0 - by_chance / np.maximum(power, 1e-300), 0.0, 1.0))
