@@ -18,9 +18,9 @@ from numpy.polynomial.legendre import leg2poly
 
 from service.backlash.model_fit_problem import Problem
 from service.dynamics.driven_effect import Case, DrivenEffect
-from service.dynamics.driven_motion import between
+from service.dynamics.driven_motion import add_error
 from service.dynamics.driven_parameters import Parameter
-from service.dynamics.effects.driven_transmission import BENDS, FINE, DrivenBentContact, grid_points
+from service.dynamics.effects.driven_transmission import BENDS, FINE, DrivenBentContact
 from service.recording import FloatArray
 
 BEND = 0.1
@@ -77,24 +77,9 @@ class MeshError(DrivenEffect):
         """Position, speed and acceleration of the error at the grid points; a polynomial between them."""
         out = c.copy()
         for _, axis, x in self.each(case.model):
-            sizes = np.stack([case.values[f"{axis}.mesh_{k}"] for k in range(1, BOWS + 1)])
-            lanes = np.flatnonzero(np.any(sizes != 0.0, axis=0))
-            if len(lanes):
-                out[lanes, :, :, x] += self.error(c[lanes, :, :, x], sizes[:, lanes], case.h)
+            sizes = np.stack([case.values[f"{axis}.mesh_{k}"] for k in range(1, BOWS + 1)], axis=1)
+            add_error(out, x, sizes @ powers().T, self.origin, 2.0 / self.length, case.h)
         return out
-
-    def error(self, c: FloatArray, sizes: FloatArray, h: float) -> FloatArray:
-        """Its polynomials (S, T, K, J) along motions c (S, T, K, J); sizes (BOWS, S)."""
-        points, scale = grid_points(c, h), 2.0 / self.length
-        place = scale * (points[..., 0] - self.origin) - 1.0
-        along = np.zeros_like(place)
-        slope, bow = along, along
-        for size in (powers() @ sizes)[::-1, :, None, None]:
-            bow = bow * place + 2.0 * slope
-            slope = slope * place + along
-            along = along * place + size
-        v, a = scale * slope * points[..., 1], scale * slope * points[..., 2]
-        return between(along, v, a + scale**2 * bow * points[..., 1] ** 2, h)
 
 
 @cache

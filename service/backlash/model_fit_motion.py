@@ -18,7 +18,7 @@ from scipy.interpolate import BSpline
 
 from service.backlash.model_fit_data import Measured, noise_at_rest
 from service.backlash.model_fit_following import Following, SingleArray
-from service.backlash.model_fit_problem import TOGETHER, Fit, Point, Problem, course_at
+from service.backlash.model_fit_problem import Fit, Point, Problem, course_at
 from service.dynamics.driven_motion import between
 from service.dynamics.driven_recoil import Recoil
 from service.dynamics.driven_smoothing import (
@@ -197,8 +197,8 @@ def sensitivities(problem: Problem, at: Point, motions: FloatArray) -> Following
         shifts[1 + x * B : 1 + (x + 1) * B, :, x] = NUDGE * motions
     still = answers(problem, at, shifts[:1])
     slopes = [np.empty((*part.shape[1:], X * B), np.float32) for part in still]
-    for k in range(1, 1 + X * B, TOGETHER):
-        ways = shifts[k : k + TOGETHER]
+    for k in range(1, 1 + X * B, problem.together):
+        ways = shifts[k : k + problem.together]
         for slope, moved, before in zip(slopes, answers(problem, at, ways), still, strict=True):
             change = np.moveaxis((moved - before) / NUDGE, 0, -1)
             slope[..., k - 1 : k - 1 + len(ways)] = np.where(np.abs(change) < RUNAWAY, change, 0.0)

@@ -43,8 +43,8 @@ against a speed sample, so that it does not hang on how the motor's motion is in
 LADDER = np.array([1e-4, 1e-2, 0.1, 0.5, 2.0, 10.0, 1e3])
 """Dampings tried at once around the last good one: lanes cost less than another round."""
 
-TOGETHER = 8
-"""Sets simulated in one pass: more gain no speed and cost 1 to 3 MB each."""
+TOGETHER = 88
+"""Steps of all sets simulated in one pass: more gain no speed and cost 0.1 to 0.3 MB each."""
 
 PROBE = 0.1
 """Share of a step at which the residuals' curvature along it is measured."""
@@ -97,6 +97,11 @@ class Problem:
     @property
     def samples(self) -> int:
         return max(int(g.measured.shape[1]) for g in self.grids)
+
+    @property
+    def together(self) -> int:
+        """How many sets are simulated in one pass."""
+        return max(1, TOGETHER // len(self.grids))
 
     @property
     def local_shape(self) -> tuple[int, int, int]:
@@ -196,7 +201,7 @@ def load_start(problem: Problem, values: Values, c: FloatArray, local: FloatArra
 
 def accelerations(problem: Problem, shared: FloatArray, local: FloatArray) -> FloatArray:
     """Simulate sets of coordinates, shared (S, P), local (S, T, X, L), a few at a time: (S, T, X, K)."""
-    parts = [slice(k, k + TOGETHER) for k in range(0, len(shared), TOGETHER)]
+    parts = [slice(k, k + problem.together) for k in range(0, len(shared), problem.together)]
     return np.concatenate(
         [problem.predicted(course_at(problem, shared[part], local[part])) for part in parts]
     )
@@ -256,10 +261,11 @@ def jacobian(
         shared[1 + row, k] += difference
     for j in range(L * X):
         local[1 + len(free) + j, :, j // L, j % L] += difference
-    first = course_at(problem, shared[:TOGETHER], local[:TOGETHER])
+    n = problem.together
+    first = course_at(problem, shared[:n], local[:n])
     parts = [problem.predicted(first)]
-    if S > TOGETHER:
-        parts.append(accelerations(problem, shared[TOGETHER:], local[TOGETHER:]))
+    if n < S:
+        parts.append(accelerations(problem, shared[n:], local[n:]))
     r = residuals(problem, np.concatenate(parts))
     slopes = (r[1:] - r[0]) / difference
     step_of = np.nonzero(np.stack([g.used for g in problem.grids]))[0]

@@ -2,8 +2,10 @@
 
 Contact states of a gap: 0 lower flank, 1 in the gap, 2 upper flank. A flank's approach δ and its force over k are
 linear forms of z with few entries, which are listed: where they are (2·G, M), how many (2·G,), and both forms' there.
-With them goes which gap each one lies behind (G,), -1 where it is a flank of its own: a deeper piece of a flank touches
-only where the piece before it does, and parts with it.
+
+A deeper piece of a flank is met where that flank is pressed by more than a depth, and parts with it. So it has no forms
+of its own: with each gap go the one whose flank it is a piece of (G,), itself where it is no piece, the next deeper
+piece (G,), -1 where there is none, and its depth (G,) [m].
 """
 
 from __future__ import annotations
@@ -20,41 +22,43 @@ CLOSE = 1e-10
 
 
 @within
-def touching(flanks, g, side, z):
-    """Whether a flank touches and pushes: whether its approach and its force are both positive."""
-    place, many, delta, force, _ = flanks
+def pressed(flanks, g, side, z):
+    """How far a flank is pressed, 0 unless it touches and pushes: unless its approach and its force are positive."""
+    place, many, delta, force = flanks[:4]
     near, push = 0.0, 0.0
     for m in range(many[2 * g + side]):
         near += delta[2 * g + side, m] * z[place[2 * g + side, m]]
     if not near > 0.0:
-        return False
+        return 0.0
     for m in range(many[2 * g + side]):
         push += force[2 * g + side, m] * z[place[2 * g + side, m]]
-    return push > 0.0
+    return near if push > 0.0 else 0.0
 
 
 @within
 def contact_modes(flanks, z, out):
     """Contact states of all gaps into out."""
-    behind = flanks[4]
+    _, _, _, _, first, deeper, depth = flanks
     for g in range(len(out)):
-        if behind[g] >= 0:
-            before = out[behind[g]]
-            out[g] = before if before != 1 and touching(flanks, g, before // 2, z) else 1
-        elif touching(flanks, g, 1, z):
-            out[g] = 2
-        elif touching(flanks, g, 0, z):
-            out[g] = 0
-        else:
-            out[g] = 1
+        if first[g] != g:
+            continue
+        mode, near = 2, pressed(flanks, g, 1, z)
+        if near == 0.0:
+            mode, near = 0, pressed(flanks, g, 0, z)
+        out[g] = mode if near > 0.0 else 1
+        piece = deeper[g]
+        while piece >= 0:
+            out[piece] = mode if near > depth[piece] else 1
+            piece = deeper[piece]
 
 
 @within
-def parted(behind, modes):
-    """The pieces of flanks that touch no more let go as well, in modes."""
-    for g in range(len(modes)):
-        if behind[g] >= 0 and modes[behind[g]] == 1:
-            modes[g] = 1
+def parted(deeper, g, modes):
+    """The pieces of a flank behind one that touches no more let go as well, in modes."""
+    piece = deeper[g]
+    while piece >= 0:
+        modes[piece] = 1
+        piece = deeper[piece]
 
 
 @within
@@ -121,27 +125,34 @@ def crossing(polynomials, many, left):
 
 @lean
 def polynomials_of(flanks, g, side, D, many, out):
-    """Approach and force of a flank along a series, into out (…, 2)."""
-    place, entries, delta, force, _ = flanks
+    """Approach and force of a flank along a series, into out (…, 2); a piece holds while it is pressed."""
+    place, entries, delta, force, first, _, depth = flanks
+    row, piece = 2 * first[g] + side, first[g] != g
     for i in range(many):
         near, push = 0.0, 0.0
-        for m in range(entries[2 * g + side]):
-            value = D[i, place[2 * g + side, m]]
-            near += delta[2 * g + side, m] * value
-            push += force[2 * g + side, m] * value
-        out[i, 0], out[i, 1] = near, push
+        for m in range(entries[row]):
+            value = D[i, place[row, m]]
+            near += delta[row, m] * value
+            push += force[row, m] * value
+        if piece and i == 0:
+            near -= depth[g]
+        out[i, 0], out[i, 1] = near, near if piece else push
 
 
 @lean
 def through_piece(machine, flanks, sizes, z, modes, left, scratch):
-    """Carry z over a piece of an interval through the contact events in it; z and modes change in place."""
+    """Carry z over a piece of an interval through the contact events in it; z and modes change in place. The rate
+    matrix of the contact state to begin with is in N."""
     A, B, push, law, forced = machine
     n, Q, X, order = sizes
     N, D, course, end = scratch
-    for _ in range(EVENTS):
-        rate_matrix(A, B, push, law, forced, modes, N)
+    for event in range(EVENTS + 1):
+        if event > 0:
+            rate_matrix(A, B, push, law, forced, modes, N)
         many = series(N, z, n, Q, X, left, order, D)
         state_at(D, many, n, left, z)
+        if event == EVENTS:
+            return
         contact_modes(flanks, z, end)
         first, at = left, -1
         for g in range(len(modes)):
@@ -157,10 +168,8 @@ def through_piece(machine, flanks, sizes, z, modes, left, scratch):
             return
         state_at(D, many, n, first, z)
         modes[at] = 1 if modes[at] != 1 else end[at]
-        parted(flanks[4], modes)
+        if modes[at] == 1:
+            parted(flanks[5], at, modes)
         left -= first
         if left <= 0.0:
             return
-    rate_matrix(A, B, push, law, forced, modes, N)
-    many = series(N, z, n, Q, X, left, order, D)
-    state_at(D, many, n, left, z)

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 from service.dynamics.compiled import lean
 
-ORDER = 36
-"""Terms of a Taylor series over at most REACH time constants: 4^37/37! is 1e-21."""
+ORDER = 18
+"""Terms of a Taylor series over at most REACH time constants: 1/19! is 1e-17."""
 
-REACH = 4.0
+REACH = 1.0
+"""Time constants of a piece: doubling it costs less than the terms of a longer series."""
 
 SMALLEST = 1e-18
 """Term of a speed over the speed at which a series ends: a hundredth of what rounding leaves of it."""
@@ -39,6 +40,15 @@ def rate_matrix(A, B, push, law, forced, modes, N):
                 size = push[g, side, i] * law[g, 0]
                 for w in range(N.shape[1]):
                     N[i, w] += size * forced[g, side, w]
+
+
+@lean
+def halvings(reach: float) -> int:
+    """How many times an interval of `reach` time constants is halved to its pieces."""
+    times = 0
+    while reach > REACH * (1 << times):
+        times += 1
+    return times
 
 
 @lean
@@ -126,24 +136,20 @@ def inputs_exponential(U, Q, X, dt, low):
 
 
 @lean
-def doubled(E, n, Q, X, dt, times, scratch):
-    """Rows of exp(N·dt·2^times) from those of exp(N·dt), in place; scratch : old (n, W) and low (U, U)."""
-    old, low = scratch
+def doubled(E, n, Q, X, dt, out, low):
+    """Rows of exp(N·2·dt) from those of exp(N·dt), into out; `low` is room (U, U)."""
     W = E.shape[1]
-    for time in range(times):
-        inputs_exponential(W - n, Q, X, dt * 2.0**time, low)
-        for i in range(n):
+    inputs_exponential(W - n, Q, X, dt, low)
+    for i in range(n):
+        for w in range(W):
+            out[i, w] = 0.0
+        for r in range(n):
             for w in range(W):
-                old[i, w] = E[i, w]
-                E[i, w] = 0.0
-        for i in range(n):
-            for r in range(n):
-                for w in range(W):
-                    E[i, w] += old[i, r] * old[r, w]
-            for r in range(W - n):
-                if old[i, n + r] != 0.0:
-                    for w in range(r, W - n):
-                        E[i, n + w] += old[i, n + r] * low[r, w]
+                out[i, w] += E[i, r] * E[r, w]
+        for r in range(W - n):
+            if E[i, n + r] != 0.0:
+                for w in range(r, W - n):
+                    out[i, n + w] += E[i, n + r] * low[r, w]
 
 
 @lean

@@ -1,8 +1,9 @@
 """The compiled pass over all lanes: exact between contact events, events located inside an interval.
 
 The first n rows of exp(N·h) carry states and inputs z over a whole interval (``driven_exponential``). Where a contact
-state changes within it, the Taylor series of z gives the time of the event, and the rest of the interval is done in the
-new contact state (``driven_contact``). Nothing is allocated here: all room comes from ``driven_propagation``.
+state changes within it, halves are looked at down to the piece in which it does; there the Taylor series of z gives the
+time of the event, and the rest is done in the new contact state (``driven_contact``), in halves that grow again.
+Nothing is allocated here: all room comes from ``driven_propagation``.
 """
 
 from __future__ import annotations
@@ -13,26 +14,26 @@ from numpy.typing import NDArray
 
 from service.dynamics.compiled import lean, within
 from service.dynamics.driven_contact import contact_modes, mode_number, same, through_piece
-from service.dynamics.driven_exponential import REACH, J, doubled, exponential, rate_matrix, terms
+from service.dynamics.driven_exponential import J, doubled, exponential, halvings, rate_matrix, terms
 from service.recording import FloatArray
 
 Arrays = tuple[NDArray[Any], ...]
 
 HOPELESS = 100.0
 """Time constants per interval from which on a parameter set is no machine; its states are NaN. Stiff pinions have 10 to
-20, and every event in an interval is looked for in pieces of four."""
+20."""
 
 SCATTER = 31
 """Spreads the numbers of contact states over the list: those that follow each other differ by powers of three."""
 
 
 @within
-def product(E, which, z, n, out):
+def product(E, slot, level, z, n, out):
     """The states a time later, into out."""
     for i in range(n):
         total = 0.0
         for w in range(len(z)):
-            total += E[which, i, w] * z[w]
+            total += E[slot, level, i, w] * z[w]
         out[i] = total
 
 
@@ -95,22 +96,20 @@ def slot_of(machine, modes, sizes, pace, store, scratch):
     """Where the exponentials of a contact state are kept; they are found if they are not there yet."""
     A, B, push, law, forced = machine
     n, Q, X, order = sizes
-    _, dt, halvings, _ = pace
-    keys, slots, count, part, whole = store
-    N, new, term, drive, low = scratch
+    _, dt, times, _ = pace
+    keys, slots, count, rates, powers = store
+    new, term, drive, low = scratch
     number = mode_number(modes)
     place = place_of(keys, number)
     if keys[place] != number:
-        if count[0] == len(part):
+        if count[0] == len(rates):
             emptied(store)
             place = place_of(keys, number)
         slot = count[0]
-        rate_matrix(A, B, push, law, forced, modes, N)
-        exponential(N, n, Q, X, dt, order, part[slot], (term, new, drive))
-        for i in range(n):
-            for w in range(N.shape[1]):
-                whole[slot, i, w] = part[slot, i, w]
-        doubled(whole[slot], n, Q, X, dt, halvings, (term, low))
+        rate_matrix(A, B, push, law, forced, modes, rates[slot])
+        exponential(rates[slot], n, Q, X, dt, order, powers[slot, 0], (term, new, drive))
+        for level in range(times):
+            doubled(powers[slot, level], n, Q, X, dt * (1 << level), powers[slot, level + 1], low)
         keys[place], slots[place] = number, slot
         count[0] += 1
     return slots[place]
@@ -156,16 +155,16 @@ def propagate(
     machines : A (S, n, n), B (S, n, U), push (S, G, 2, n), law (S, G, 2) being k and d, and the forms of the flanks'
         forces over k (S, G, 2, W)
     flanks : entries of the forms of approach and force: place and many of all sets, both forms' (S, 2·G, M); the gap
-        that each one lies behind (G,)
+        of which each one is a piece (G,), the next deeper piece (G,), its depth (S, G)
     curves : entries of their forms: place (Q, M) and many (Q,) of all sets, sizes (S, Q, M); first point and spacing
         (S, Q, 2) and tables (S, Q, P)
     motion : x0 (S, T, n), c (S, T, K, X·J), constants (T, C)
     h, fastest : interval [s], bound of each set's fastest rate (S,) [1/s]
     stores : of the first set's and of another's exponentials: the listed contact states' numbers (-1: free place) and
-        slots, how many, and by slot over a piece and over a whole interval
+        slots, how many, and by slot the rate matrix and the exponentials over a piece and over its doublings
     scratch : of one_machine, of the exponentials, of events, and whether a form sees an input that changes
     """
-    place, many, delta, force, behind = flanks
+    place, many, delta, force, first, deeper, depth = flanks
     bent_place, bent_many, bent_size, extent, table = curves
     for s in range(len(out)):
         store = stores[0]
@@ -176,7 +175,7 @@ def propagate(
         if fastest[s] * h < HOPELESS:
             one_machine(
                 (machines[0][s], machines[1][s], machines[2][s], machines[3][s], machines[4][s]),
-                (place, many, delta[s], force[s], behind),
+                (place, many, delta[s], force[s], first, deeper, depth[s]),
                 (bent_place, bent_many, bent_size[s], extent[s], table[s]),
                 (motion[0][s], motion[1][s], motion[2]),
                 (h, fastest[s]),
@@ -196,10 +195,8 @@ def one_machine(machine, flanks, curves, motion, pace, store, scratch, out):
     vectors, _, _, watched = scratch
     z, new = vectors[0], vectors[1]
     n, Q, X = x0.shape[1], curves[3].shape[0], c.shape[2] // J
-    halvings = 0
-    while fastest * h > REACH * 2.0**halvings:
-        halvings += 1
-    dt = h / 2.0**halvings
+    times = halvings(fastest * h)
+    dt = h / (1 << times)
     sizes = (n, Q, X, terms(fastest * dt))
     for t in range(len(c)):
         for i in range(n):
@@ -208,16 +205,16 @@ def one_machine(machine, flanks, curves, motion, pace, store, scratch, out):
             z[n + w] = c[t, 0, w]
         for w in range(constants.shape[1]):
             z[n + X * J + w] = new[n + X * J + w] = constants[t, w]
-        one_step(machine, flanks, curves, sizes, (h, dt, halvings, watched), store, scratch, c[t], out[t])
+        one_step(machine, flanks, curves, sizes, (h, dt, times, watched), store, scratch, c[t], out[t])
 
 
 @lean
 def one_step(machine, flanks, curves, sizes, pace, store, scratch, c, out):
     """All intervals of one step from the states in the first of the vectors on, into out (K + 1, n)."""
     n, Q, X, _ = sizes
-    h, dt, halvings, watched = pace
-    (z, new, modes, end), rooms, events, _ = scratch
-    _, _, _, part, whole = store
+    h, _, times, watched = pace
+    (z, new, modes, end), rooms, _, _ = scratch
+    powers = store[4]
     values, slopes = len(z) - 2 * Q, len(z) - Q
     contact_modes(flanks, z, modes)
     slot = slot_of(machine, modes, sizes, pace, store, rooms)
@@ -227,28 +224,53 @@ def one_step(machine, flanks, curves, sizes, pace, store, scratch, c, out):
         for q in range(Q):
             z[values + q] = curve_value(curves, q, z)
             z[slopes + q] = 0.0
-        product(whole, slot, z, n, new)
+        product(powers, slot, times, z, n, new)
         if watched:
             later_inputs(z, n, Q, X, h, new)
         for q in range(Q):
             z[slopes + q] = (curve_value(curves, q, new) - z[values + q]) / h
         for q in range(Q):
             for i in range(n):
-                new[i] += whole[slot, i, slopes + q] * z[slopes + q]
+                new[i] += powers[slot, times, i, slopes + q] * z[slopes + q]
         contact_modes(flanks, new, end)
         if not same(modes, end):
-            copied(z, new)
-            for _ in range(2**halvings):
-                product(part, slot, new, n, z)
-                later_inputs(new, n, Q, X, dt, z)
-                contact_modes(flanks, z, end)
-                if same(modes, end):
-                    copied(z, new)
-                else:
-                    through_piece(machine, flanks, sizes, new, modes, dt, events)
-                    slot = slot_of(machine, modes, sizes, pace, store, rooms)
+            slot = through_interval(machine, flanks, sizes, pace, slot, store, scratch)
         for i in range(n):
             z[i] = out[k + 1, i] = new[i]
+
+
+@lean
+def through_interval(machine, flanks, sizes, pace, slot, store, scratch):
+    """From the beginning of an interval, z, to its end, into new, where the contact state at its end is another one;
+    the new one's exponentials. Blocks of pieces at whose end it is not are passed in one, others halved."""
+    n, Q, X, _ = sizes
+    _, dt, times, _ = pace
+    (z, new, modes, end), rooms, events, _ = scratch
+    _, _, _, rates, powers = store
+    copied(z, new)
+    at, level, changes = 0, times, True
+    while at < 1 << times:
+        if changes and level == 0:
+            copied_rows(rates, slot, events[0])
+            through_piece(machine, flanks, sizes, new, modes, dt, events)
+            slot = slot_of(machine, modes, sizes, pace, store, rooms)
+            at, changes = at + 1, False
+            continue
+        if changes:
+            level -= 1
+        else:
+            level = 0
+            while at % (2 << level) == 0:
+                level += 1
+        product(powers, slot, level, new, n, z)
+        later_inputs(new, n, Q, X, dt * (1 << level), z)
+        contact_modes(flanks, z, end)
+        if same(modes, end):
+            copied(z, new)
+            at += 1 << level
+        else:
+            changes = True
+    return slot
 
 
 @within
@@ -256,3 +278,11 @@ def copied(vector, into):
     """A copy of a vector."""
     for w in range(len(vector)):
         into[w] = vector[w]
+
+
+@within
+def copied_rows(matrices, which, into):
+    """A copy of one of the matrices."""
+    for i in range(into.shape[0]):
+        for w in range(into.shape[1]):
+            into[i, w] = matrices[which, i, w]

@@ -119,7 +119,54 @@ def of_motors(
 
 def between(x: FloatArray, v: FloatArray, a: FloatArray, h: float) -> FloatArray:
     """Polynomials that have speed and acceleration at both ends of every interval: (…, K + 1) -> (…, K, 5)."""
+    out = np.empty((*x.shape[:-1], x.shape[-1] - 1, 5))
     mean, first, last = np.diff(v, axis=-1) / h, a[..., :-1], a[..., 1:]
-    bend = (6.0 * mean - 4.0 * first - 2.0 * last) / h
-    fourth = 6.0 * (first + last - 2.0 * mean) / h**2
-    return np.stack((x[..., :-1], v[..., :-1], first, bend, fourth), axis=-1)
+    out[..., 0], out[..., 1], out[..., 2] = x[..., :-1], v[..., :-1], first
+    out[..., 3] = (6.0 * mean - 4.0 * first - 2.0 * last) / h
+    out[..., 4] = 6.0 * (first + last - 2.0 * mean) / h**2
+    return out
+
+
+@lean
+def add_error(c: FloatArray, axis: int, powers: FloatArray, origin: float, scale: float, h: float) -> None:
+    """Add to the motions c (S, T, K, X, 5) of one axis an error that depends on the place, Σ powers_i·u^i [m] with
+    u = scale·(x_mot − origin) − 1 and powers (S, I); exact in speed and acceleration at the ends of the intervals."""
+    for s in range(c.shape[0]):
+        absent = True
+        for size in powers[s]:
+            absent = absent and size == 0.0
+        if absent:
+            continue
+        for t in range(c.shape[1]):
+            add_error_to_step(c[s, t, :, axis], powers[s], origin, scale, h)
+
+
+@lean
+def add_error_to_step(c: FloatArray, powers: FloatArray, origin: float, scale: float, h: float) -> None:
+    """`add_error` for one step's motion c (K, 5)."""
+    K = len(c)
+    x = v = a = first_speed = first_rate = 0.0
+    for k in range(K + 1):
+        if k < K:
+            x, v, a = c[k, 0], c[k, 1], c[k, 2]
+        else:
+            third, fourth = c[K - 1, 3], c[K - 1, 4]
+            x += h * (v + h / 2.0 * (a + h / 3.0 * (third + h / 4.0 * fourth)))
+            v += h * (a + h / 2.0 * (third + h / 3.0 * fourth))
+            a += h * (third + h / 2.0 * fourth)
+        u = scale * (x - origin) - 1.0
+        error = slope = bow = 0.0
+        for i in range(len(powers) - 1, -1, -1):
+            bow = bow * u + 2.0 * slope
+            slope = slope * u + error
+            error = error * u + powers[i]
+        speed, rate = scale * slope * v, scale * slope * a + scale**2 * bow * v**2
+        if k > 0:
+            mean = (speed - first_speed) / h
+            c[k - 1, 3] += (6.0 * mean - 4.0 * first_rate - 2.0 * rate) / h
+            c[k - 1, 4] += 6.0 * (first_rate + rate - 2.0 * mean) / h**2
+        if k < K:
+            c[k, 0] += error
+            c[k, 1] += speed
+            c[k, 2] += rate
+        first_speed, first_rate = speed, rate

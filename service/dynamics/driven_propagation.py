@@ -25,8 +25,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from service.dynamics.driven_exponential import ORDER, J
-from service.dynamics.driven_kernel import Arrays, propagate
+from service.dynamics.driven_exponential import ORDER, J, halvings
+from service.dynamics.driven_kernel import HOPELESS, Arrays, propagate
 from service.recording import FloatArray
 
 CONSTANTS = 2
@@ -183,10 +183,11 @@ def run(system: LinearSystem, x0: FloatArray, c: FloatArray, constants: FloatArr
     G = system.k.shape[1]
     B, of, extent, table = tabulated(system)
     law, forced = np.stack((system.k, system.d), axis=2), forced_forms(system)
-    holding = np.where((system.behind < 0)[:, None, None], forced, system.approach)
-    listed = entries(*(form.reshape(S, 2 * G, n + U) for form in (system.approach, holding)))
-    flanks = (*listed, system.behind)
+    listed = entries(*(form.reshape(S, 2 * G, n + U) for form in (system.approach, forced)))
+    flanks = (*listed, *pieces(system))
     bent = entries(of)
+    rates = fastest(system)
+    levels = halvings(float(np.max(rates * h, initial=0.0, where=rates * h < HOPELESS)))
     out = np.empty((*c.shape[:2], c.shape[2] + 1, n))
     propagate(
         (system.A, B, system.push, law, forced),
@@ -198,12 +199,23 @@ def run(system: LinearSystem, x0: FloatArray, c: FloatArray, constants: FloatArr
             np.ascontiguousarray(constants, dtype=np.float64),
         ),
         h,
-        fastest(system),
-        (room_for_exponentials(G, n, U), room_for_exponentials(G, n, U)),
+        rates,
+        (room_for_exponentials(G, n, U, levels), room_for_exponentials(G, n, U, levels)),
         (*room_for_steps(G, n, U), any(changing(system, *forms[:2]) for forms in (flanks, bent))),
         out,
     )
     return out
+
+
+def pieces(system: LinearSystem) -> Arrays:
+    """Of which gap's flank each gap is a piece (G,), itself where it is none; the next deeper piece (G,), -1 where
+    there is none; and how deep the flank is pressed where the piece is met (S, G) [m]."""
+    G = len(system.behind)
+    first, deeper = np.arange(G), np.full(G, -1)
+    for g in np.flatnonzero(system.behind >= 0):
+        first[g], deeper[system.behind[g]] = first[system.behind[g]], g
+    met = system.approach[:, :, 0, system.n + system.constant()]
+    return first, deeper, np.ascontiguousarray(met[:, first] - met)
 
 
 def tabulated(system: LinearSystem) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -253,22 +265,22 @@ def changing(system: LinearSystem, place: NDArray[Any], many: NDArray[Any]) -> b
     return bool(np.any((listed >= system.n) & ((listed < first) | (listed >= last))))
 
 
-def room_for_exponentials(gaps: int, n: int, U: int) -> Arrays:
-    """An empty store: contact states listed by number and their slots, how many, and by slot the exponentials over a
-    piece and over a whole interval. Of all contact states only those that are met have a slot."""
+def room_for_exponentials(gaps: int, n: int, U: int, doublings: int) -> Arrays:
+    """An empty store: contact states listed by number and their slots, how many, and by slot the rate matrix and the
+    exponentials over a piece and its doublings. Of all contact states only those that are met have a slot."""
     many = min(3**gaps, KNOWN)
     keys, slots, count = (
         np.full(2 * many, -1),
         np.zeros(2 * many, dtype=np.int64),
         np.zeros(1, dtype=np.int64),
     )
-    return keys, slots, count, np.empty((many, n, n + U)), np.empty((many, n, n + U))
+    return keys, slots, count, np.empty((many, n, n + U)), np.empty((many, doublings + 1, n, n + U))
 
 
 def room_for_steps(gaps: int, n: int, U: int) -> tuple[Arrays, Arrays, Arrays]:
     """What a step is computed in: z twice and contact states twice; what exponentials are; what events are."""
     modes = [np.zeros(gaps, dtype=np.int64) for _ in range(3)]
     vectors = (np.zeros(n + U), np.zeros(n + U), modes[0], modes[1])
-    exponentials = (*(np.zeros((n, n + U)) for _ in range(3)), np.zeros((n, U)), np.zeros((U, U)))
-    events = (exponentials[0], np.zeros((ORDER + 1, n + U)), np.zeros((ORDER + 1, 2)), modes[2])
+    exponentials = (np.zeros((n, n + U)), np.zeros((n, n + U)), np.zeros((n, U)), np.zeros((U, U)))
+    events = (np.zeros((n, n + U)), np.zeros((ORDER + 1, n + U)), np.zeros((ORDER + 1, 2)), modes[2])
     return vectors, exponentials, events

@@ -209,7 +209,9 @@ class Echo:
             out[:, :, heard] += force[:, forces] @ answer.swapaxes(1, 2)
         v, a = out
         pieces = 0.5 * self.h * (v[:, 1:] + v[:, :-1]) + self.h**2 / 12.0 * (a[:, :-1] - a[:, 1:])
-        return np.pad(np.cumsum(pieces, axis=1), ((0, 0), (1, 0))), v, a
+        position = np.zeros_like(v)
+        np.cumsum(pieces, axis=1, out=position[:, 1:])
+        return position, v, a
 
 
 def echo(speed: Trace, load: Load, balance: Balance, share: float = 1.0) -> Echo:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import ClassVar
 
 import numpy as np
@@ -203,9 +204,15 @@ class DrivenBentContact(DrivenEffect):
 
 def stiffening(bend: FloatArray, bends: Sequence[float] = BENDS) -> FloatArray:
     """What every piece adds to the stiffness (S, len(bends) − 1), by least squares on the curve x^(1 + bend)."""
+    x, solved = least_squares(tuple(bends))
+    return np.asarray(x ** (1.0 + bend[:, None]) @ solved.T)
+
+
+@cache
+def least_squares(bends: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
+    """Depths (200,), and what makes the pieces' stiffnesses of a curve at them (len(bends) − 1, 200)."""
     x = np.linspace(0.0, bends[-1], 200)
-    deeper = np.maximum(x[:, None] - np.array(bends[:-1]), 0.0)
-    return np.asarray(np.linalg.lstsq(deeper, x[:, None] ** (1.0 + bend), rcond=None)[0].T)
+    return x, np.linalg.pinv(np.maximum(x[:, None] - np.array(bends[:-1]), 0.0))
 
 
 def damping(bend: FloatArray, bends: Sequence[float] = BENDS) -> FloatArray:

@@ -8,6 +8,7 @@ from numpy.polynomial.legendre import legval
 
 from service.backlash.model_fit_impurities import BentContact, MeshError
 from service.dynamics.driven import simulate
+from service.dynamics.driven_effect import Case
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_transmission import TYPICAL_PUSH
 from service.recording import FloatArray
@@ -47,11 +48,15 @@ def test_a_bent_flank_is_as_deep_as_its_law_says(a: float, bend: float) -> None:
 
 
 def test_a_mesh_error_moves_by_what_it_is_along_the_stroke() -> None:
-    """Its speed and acceleration are the derivatives of its position, which is the polynomials' sum."""
+    """Its speed and acceleration are the derivatives of its position, which is the polynomials' sum; where one interval
+    ends they are what the next one begins with."""
     mesh = MeshError(("X1",), 0.0, 4e-3)
-    sizes = np.array([[2e-6], [-1e-6], [0.5e-6], [0.3e-6], [-0.2e-6]])
+    sizes = [2e-6, -1e-6, 0.5e-6, 0.3e-6, -0.2e-6]
+    model = Model(("X1",), 1, effects=(mesh,))
+    given = values(model, **{f"mesh_{k}": size for k, size in enumerate(sizes, 1)})
     c = pulled(3.0, 180)
-    error = mesh.error(c[:, :, :, 0], sizes, H)[0, 0]
+    case = Case(model, given, np.zeros((1, 1, 0)), np.ones(1), np.zeros(1), H)
+    error = (mesh.drive(c, case) - c)[0, 0, :, 0]
     x = c[0, 0, :, 0, 0]
     wanted = legval(x / 2e-3 - 1.0, np.append(0.0, sizes))
     assert error[:, 0] == pytest.approx(wanted, abs=1e-12)
@@ -59,6 +64,9 @@ def test_a_mesh_error_moves_by_what_it_is_along_the_stroke() -> None:
     assert error[2:-2, 2] == pytest.approx(
         np.gradient(np.gradient(wanted, H), H)[2:-2], abs=1e-2 * np.ptp(error[:, 2])
     )
+    _, v, a, third, fourth = error.T
+    assert (v + H * (a + H / 2.0 * (third + H / 3.0 * fourth)))[:-1] == pytest.approx(v[1:], abs=1e-12)
+    assert (a + H * (third + H / 2.0 * fourth))[:-1] == pytest.approx(a[1:], abs=1e-9)
 
 
 def test_nothing_of_either_changes_nothing() -> None:
