@@ -1,4 +1,4 @@
-"""Contact states of gaps, and the events in which they change within a piece of an interval.
+"""Contact states of gaps, and when along a series of states one of them changes.
 
 Contact states of a gap: 0 lower flank, 1 in the gap, 2 upper flank. A flank's approach δ and its force over k are
 linear forms of z with few entries, which are listed: where they are (2·G, M), how many (2·G,), and both forms' there.
@@ -11,11 +11,6 @@ piece (G,), -1 where there is none, and its depth (G,) [m].
 from __future__ import annotations
 
 from service.dynamics.compiled import lean, within
-from service.dynamics.driven_exponential import rate_matrix, series, state_at
-
-EVENTS = 8
-"""Contact events within one piece of an interval; more is chatter below the sensor's noise."""
-
 
 CLOSE = 1e-10
 """How closely an event is found, as a share of the piece; it is passed by as much."""
@@ -137,39 +132,3 @@ def polynomials_of(flanks, g, side, D, many, out):
         if piece and i == 0:
             near -= depth[g]
         out[i, 0], out[i, 1] = near, near if piece else push
-
-
-@lean
-def through_piece(machine, flanks, sizes, z, modes, left, scratch):
-    """Carry z over a piece of an interval through the contact events in it; z and modes change in place. The rate
-    matrix of the contact state to begin with is in N."""
-    A, B, push, law, forced = machine
-    n, Q, X, order = sizes
-    N, D, course, end = scratch
-    for event in range(EVENTS + 1):
-        if event > 0:
-            rate_matrix(A, B, push, law, forced, modes, N)
-        many = series(N, z, n, Q, X, left, order, D)
-        state_at(D, many, n, left, z)
-        if event == EVENTS:
-            return
-        contact_modes(flanks, z, end)
-        first, at = left, -1
-        for g in range(len(modes)):
-            if end[g] == modes[g]:
-                continue
-            side = modes[g] // 2 if modes[g] != 1 else end[g] // 2
-            polynomials_of(flanks, g, side, D, many, course)
-            touched = lesser(course, many, 0.0) > 0.0
-            t = crossing(course, many, left) if touched == (modes[g] != 1) else 0.0
-            if at < 0 or t < first:
-                first, at = t, g
-        if at < 0:
-            return
-        state_at(D, many, n, first, z)
-        modes[at] = 1 if modes[at] != 1 else end[at]
-        if modes[at] == 1:
-            parted(flanks[5], at, modes)
-        left -= first
-        if left <= 0.0:
-            return

@@ -7,7 +7,7 @@ interval. Of N and of its exponential only the states' n rows are kept.
 
 from __future__ import annotations
 
-from service.dynamics.compiled import lean
+from service.dynamics.compiled import lean, within
 
 ORDER = 18
 """Terms of a Taylor series over at most REACH time constants: 1/19! is 1e-17."""
@@ -113,43 +113,37 @@ def raised(N, term, n, new):
         for w in range(W):
             new[i, w] = term[i + 1, w]
             new[i + 1, w] = 0.0
-        for r in range(n):
-            if N[i + 1, r] != 0.0:
+        for r in range(0, n, 2):
+            stiff, loss = N[i + 1, r], N[i + 1, r + 1]
+            if stiff != 0.0 or loss != 0.0:
                 for w in range(W):
-                    new[i + 1, w] += N[i + 1, r] * term[r, w]
+                    new[i + 1, w] += stiff * term[r, w] + loss * term[r + 1, w]
 
 
 @lean
-def inputs_exponential(U, Q, X, dt, low):
-    """exp of the inputs' own rate matrix times dt, into low (U, U)."""
-    low[:] = 0.0
-    for i in range(U):
-        low[i, i] = 1.0
-    for x in range(X):
-        for j in range(J):
-            size = 1.0
-            for i in range(j + 1, J):
-                size *= dt / (i - j)
-                low[x * J + j, x * J + i] = size
-    for q in range(Q):
-        low[U - 2 * Q + q, U - Q + q] = dt
-
-
-@lean
-def doubled(E, n, Q, X, dt, out, low):
-    """Rows of exp(N·2·dt) from those of exp(N·dt), into out; `low` is room (U, U)."""
+def doubled(E, n, Q, X, dt, out, shares):
+    """Rows of exp(N·2·dt) from those of exp(N·dt), into out; `shares` is room (J,)."""
     W = E.shape[1]
-    inputs_exponential(W - n, Q, X, dt, low)
+    shares[0] = 1.0
+    for j in range(1, J):
+        shares[j] = shares[j - 1] * dt / j
     for i in range(n):
-        for w in range(W):
+        for w in range(n):
             out[i, w] = 0.0
-        for r in range(n):
+        for w in range(n, W):
+            out[i, w] = E[i, w]
+        for q in range(W - Q, W):
+            out[i, q] += dt * E[i, q - Q]
+        for x in range(n, n + X * J, J):
+            for j in range(1, J):
+                total = 0.0
+                for before in range(j):
+                    total += E[i, x + before] * shares[j - before]
+                out[i, x + j] += total
+        for r in range(0, n, 2):
+            place, speed = E[i, r], E[i, r + 1]
             for w in range(W):
-                out[i, w] += E[i, r] * E[r, w]
-        for r in range(W - n):
-            if E[i, n + r] != 0.0:
-                for w in range(r, W - n):
-                    out[i, n + w] += E[i, n + r] * low[r, w]
+                out[i, w] += place * E[r, w] + speed * E[r + 1, w]
 
 
 @lean
@@ -192,10 +186,27 @@ def inputs_rate(D, i, n, Q, X):
 
 
 @lean
-def state_at(D, many, n, t, z):
+def state_at(D, many, n, Q, X, t, z):
     """The series of `many` terms at the time t, into z."""
-    for w in range(len(z)):
+    for w in range(n):
         z[w] = 0.0
     for i in range(many - 1, -1, -1):
-        for w in range(len(z) if i <= J + 1 else n):
+        for w in range(n):
             z[w] = z[w] * t + D[i, w]
+    later_inputs(D[0], n, Q, X, t, z)
+
+
+@within
+def later_inputs(z, n, Q, X, dt, out):
+    """The inputs a time dt later, into out; constants are left alone there."""
+    for x in range(X):
+        for j in range(J - 1):
+            total = z[n + x * J + J - 1]
+            for i in range(J - 2, j - 1, -1):
+                total = total * dt / (i - j + 1) + z[n + x * J + i]
+            out[n + x * J + j] = total
+        out[n + x * J + J - 1] = z[n + x * J + J - 1]
+    values = len(z) - 2 * Q
+    for q in range(Q):
+        out[values + q] = z[values + q] + dt * z[values + Q + q]
+        out[values + Q + q] = z[values + Q + q]

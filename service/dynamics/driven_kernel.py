@@ -13,8 +13,26 @@ from typing import Any
 from numpy.typing import NDArray
 
 from service.dynamics.compiled import lean, within
-from service.dynamics.driven_contact import contact_modes, mode_number, same, through_piece
-from service.dynamics.driven_exponential import J, doubled, exponential, halvings, rate_matrix, terms
+from service.dynamics.driven_contact import (
+    contact_modes,
+    crossing,
+    lesser,
+    mode_number,
+    parted,
+    polynomials_of,
+    same,
+)
+from service.dynamics.driven_exponential import (
+    J,
+    doubled,
+    exponential,
+    halvings,
+    later_inputs,
+    rate_matrix,
+    series,
+    state_at,
+    terms,
+)
 from service.recording import FloatArray
 
 Arrays = tuple[NDArray[Any], ...]
@@ -22,6 +40,9 @@ Arrays = tuple[NDArray[Any], ...]
 HOPELESS = 100.0
 """Time constants per interval from which on a parameter set is no machine; its states are NaN. Stiff pinions have 10 to
 20."""
+
+EVENTS = 8
+"""Contact events within one piece of an interval; more is chatter below the sensor's noise."""
 
 SCATTER = 31
 """Spreads the numbers of contact states over the list: those that follow each other differ by powers of three."""
@@ -35,22 +56,6 @@ def product(E, slot, level, z, n, out):
         for w in range(len(z)):
             total += E[slot, level, i, w] * z[w]
         out[i] = total
-
-
-@within
-def later_inputs(z, n, Q, X, dt, out):
-    """The inputs a time dt later, into out."""
-    for x in range(X):
-        for j in range(J - 1):
-            total = z[n + x * J + J - 1]
-            for i in range(J - 2, j - 1, -1):
-                total = total * dt / (i - j + 1) + z[n + x * J + i]
-            out[n + x * J + j] = total
-        out[n + x * J + J - 1] = z[n + x * J + J - 1]
-    values = len(z) - 2 * Q
-    for q in range(Q):
-        out[values + q] = z[values + q] + dt * z[values + Q + q]
-        out[values + Q + q] = z[values + Q + q]
 
 
 @within
@@ -92,13 +97,10 @@ def unlike(arrays, s, other):
 
 
 @lean
-def slot_of(machine, modes, sizes, pace, store, scratch):
-    """Where the exponentials of a contact state are kept; they are found if they are not there yet."""
+def slot_of(machine, modes, store):
+    """Where what is known of a contact state is kept: its rate matrix from the first time on."""
     A, B, push, law, forced = machine
-    n, Q, X, order = sizes
-    _, dt, times, _ = pace
-    keys, slots, count, rates, powers = store
-    new, term, drive, low = scratch
+    keys, slots, count, made, rates, _ = store
     number = mode_number(modes)
     place = place_of(keys, number)
     if keys[place] != number:
@@ -107,12 +109,23 @@ def slot_of(machine, modes, sizes, pace, store, scratch):
             place = place_of(keys, number)
         slot = count[0]
         rate_matrix(A, B, push, law, forced, modes, rates[slot])
-        exponential(rates[slot], n, Q, X, dt, order, powers[slot, 0], (term, new, drive))
-        for level in range(times):
-            doubled(powers[slot, level], n, Q, X, dt * (1 << level), powers[slot, level + 1], low)
-        keys[place], slots[place] = number, slot
+        keys[place], slots[place], made[slot] = number, slot, -1
         count[0] += 1
     return slots[place]
+
+
+@lean
+def make(slot, level, sizes, dt, store, scratch):
+    """The exponentials of a contact state up to a level; most contact states do not last to the higher ones."""
+    n, Q, X, order = sizes
+    _, _, _, made, rates, powers = store
+    new, term, drive, shares = scratch
+    if made[slot] < 0:
+        exponential(rates[slot], n, Q, X, dt, order, powers[slot, 0], (term, new, drive))
+        made[slot] = 0
+    for below in range(made[slot], level):
+        doubled(powers[slot, below], n, Q, X, dt * (1 << below), powers[slot, below + 1], shares)
+    made[slot] = max(made[slot], level)
 
 
 @within
@@ -127,7 +140,7 @@ def place_of(keys, number):
 @lean
 def emptied(store):
     """Forget all exponentials."""
-    keys, _, count, _, _ = store
+    keys, _, count = store[:3]
     for i in range(len(keys)):
         keys[i] = -1
     count[0] = 0
@@ -161,7 +174,8 @@ def propagate(
     motion : x0 (S, T, n), c (S, T, K, X·J), constants (T, C)
     h, fastest : interval [s], bound of each set's fastest rate (S,) [1/s]
     stores : of the first set's and of another's exponentials: the listed contact states' numbers (-1: free place) and
-        slots, how many, and by slot the rate matrix and the exponentials over a piece and over its doublings
+        slots, how many, and by slot the highest level that is made, the rate matrix, and by level the exponentials
+        over a piece and its doublings
     scratch : of one_machine, of the exponentials, of events, and whether a form sees an input that changes
     """
     place, many, delta, force, first, deeper, depth = flanks
@@ -212,13 +226,15 @@ def one_machine(machine, flanks, curves, motion, pace, store, scratch, out):
 def one_step(machine, flanks, curves, sizes, pace, store, scratch, c, out):
     """All intervals of one step from the states in the first of the vectors on, into out (K + 1, n)."""
     n, Q, X, _ = sizes
-    h, _, times, watched = pace
+    h, dt, times, watched = pace
     (z, new, modes, end), rooms, _, _ = scratch
-    powers = store[4]
+    made, powers = store[3], store[5]
     values, slopes = len(z) - 2 * Q, len(z) - Q
     contact_modes(flanks, z, modes)
-    slot = slot_of(machine, modes, sizes, pace, store, rooms)
+    slot = slot_of(machine, modes, store)
     for k in range(len(c)):
+        if made[slot] < times:
+            make(slot, times, sizes, dt, store, rooms)
         for w in range(X * J):
             z[n + w] = c[k, w]
         for q in range(Q):
@@ -245,15 +261,13 @@ def through_interval(machine, flanks, sizes, pace, slot, store, scratch):
     the new one's exponentials. Blocks of pieces at whose end it is not are passed in one, others halved."""
     n, Q, X, _ = sizes
     _, dt, times, _ = pace
-    (z, new, modes, end), rooms, events, _ = scratch
-    _, _, _, rates, powers = store
+    (z, new, modes, end), rooms, _, _ = scratch
+    made, powers = store[3], store[5]
     copied(z, new)
     at, level, changes = 0, times, True
     while at < 1 << times:
         if changes and level == 0:
-            copied_rows(rates, slot, events[0])
-            through_piece(machine, flanks, sizes, new, modes, dt, events)
-            slot = slot_of(machine, modes, sizes, pace, store, rooms)
+            slot = through_piece(machine, flanks, sizes, pace, slot, store, scratch)
             at, changes = at + 1, False
             continue
         if changes:
@@ -262,6 +276,8 @@ def through_interval(machine, flanks, sizes, pace, slot, store, scratch):
             level = 0
             while at % (2 << level) == 0:
                 level += 1
+        if made[slot] < level:
+            make(slot, level, sizes, dt, store, rooms)
         product(powers, slot, level, new, n, z)
         later_inputs(new, n, Q, X, dt * (1 << level), z)
         contact_modes(flanks, z, end)
@@ -280,9 +296,42 @@ def copied(vector, into):
         into[w] = vector[w]
 
 
-@within
-def copied_rows(matrices, which, into):
-    """A copy of one of the matrices."""
-    for i in range(into.shape[0]):
-        for w in range(into.shape[1]):
-            into[i, w] = matrices[which, i, w]
+@lean
+def through_piece(machine, flanks, sizes, pace, slot, store, scratch):
+    """Over one piece of an interval, from new on and into it, through the contact events in it; the exponentials of
+    the contact state at its end."""
+    n, Q, X, order = sizes
+    (_, z, modes, end), _, (D, course), _ = scratch
+    left, rates = pace[1], store[4]
+    for event in range(EVENTS + 1):
+        many = series(rates[slot], z, n, Q, X, left, order, D)
+        state_at(D, many, n, Q, X, left, z)
+        contact_modes(flanks, z, end)
+        if event == EVENTS or same(modes, end):
+            break
+        g, t = first_event(flanks, modes, end, D, many, left, course)
+        state_at(D, many, n, Q, X, t, z)
+        modes[g] = 1 if modes[g] != 1 else end[g]
+        if modes[g] == 1:
+            parted(flanks[5], g, modes)
+        slot = slot_of(machine, modes, store)
+        left -= t
+        if left <= 0.0:
+            break
+    return slot
+
+
+@lean
+def first_event(flanks, modes, end, D, many, left, course):
+    """The gap whose contact state changes first along a series at whose end it is another one, and when."""
+    first, at = left, -1
+    for g in range(len(modes)):
+        if end[g] == modes[g]:
+            continue
+        side = modes[g] // 2 if modes[g] != 1 else end[g] // 2
+        polynomials_of(flanks, g, side, D, many, course)
+        touched = lesser(course, many, 0.0) > 0.0
+        t = crossing(course, many, left) if touched == (modes[g] != 1) else 0.0
+        if at < 0 or t < first:
+            first, at = t, g
+    return at, first

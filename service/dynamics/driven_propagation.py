@@ -266,21 +266,19 @@ def changing(system: LinearSystem, place: NDArray[Any], many: NDArray[Any]) -> b
 
 
 def room_for_exponentials(gaps: int, n: int, U: int, doublings: int) -> Arrays:
-    """An empty store: contact states listed by number and their slots, how many, and by slot the rate matrix and the
-    exponentials over a piece and its doublings. Of all contact states only those that are met have a slot."""
+    """An empty store: contact states listed by number and their slots, how many, and by slot the highest level that is
+    made, the rate matrix and the exponentials over a piece and its doublings. Of all contact states only those that are
+    met have a slot."""
     many = min(3**gaps, KNOWN)
-    keys, slots, count = (
-        np.full(2 * many, -1),
-        np.zeros(2 * many, dtype=np.int64),
-        np.zeros(1, dtype=np.int64),
-    )
-    return keys, slots, count, np.empty((many, n, n + U)), np.empty((many, doublings + 1, n, n + U))
+    listed = (np.full(2 * many, -1), np.zeros(2 * many, dtype=np.int64), np.zeros(1, dtype=np.int64))
+    rates, powers = np.empty((many, n, n + U)), np.empty((many, doublings + 1, n, n + U))
+    return *listed, np.zeros(many, dtype=np.int64), rates, powers
 
 
 def room_for_steps(gaps: int, n: int, U: int) -> tuple[Arrays, Arrays, Arrays]:
     """What a step is computed in: z twice and contact states twice; what exponentials are; what events are."""
-    modes = [np.zeros(gaps, dtype=np.int64) for _ in range(3)]
-    vectors = (np.zeros(n + U), np.zeros(n + U), modes[0], modes[1])
-    exponentials = (np.zeros((n, n + U)), np.zeros((n, n + U)), np.zeros((n, U)), np.zeros((U, U)))
-    events = (np.zeros((n, n + U)), np.zeros((ORDER + 1, n + U)), np.zeros((ORDER + 1, 2)), modes[2])
+    modes = [np.zeros(gaps, dtype=np.int64) for _ in range(2)]
+    vectors = (np.zeros(n + U), np.zeros(n + U), *modes)
+    exponentials = (np.zeros((n, n + U)), np.zeros((n, n + U)), np.zeros((n, U)), np.zeros(J))
+    events = (np.zeros((ORDER + 1, n + U)), np.zeros((ORDER + 1, 2)))
     return vectors, exponentials, events
