@@ -165,7 +165,10 @@ def with_reconstructed_motion(
         motions.append(motion)
         if echoed:
             speed = measured.recording.traces[axis, "motor_speed"]
-            echoes.append([echo(speed, load, balance, 1.0 - KEPT) for load in loads])
+            so_far = [own[x] for own in problem.echoes] if problem.echoes else [None for _ in loads]
+            echoes.append(
+                [echo(speed, load, balance, 1.0 - KEPT, one) for load, one in zip(loads, so_far, strict=True)]
+            )
     return replace(
         problem,
         motion=tuple(zip(*motions, strict=True)),

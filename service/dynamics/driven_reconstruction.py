@@ -11,7 +11,7 @@ of the difference to the measured torque.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -193,13 +193,16 @@ class Echo:
 
     Attributes
     ----------
-    h, points : spacing of the grid [s], K + 1
+    start, h, points : first grid point on the motor's clock and spacing [s], K + 1
+    size : what an answer is multiplied by
     parts : forces that follow one another, the points at which they are heard, and the answer (2, n, m) of n points to
-        m forces
+        m forces, of a motor as heavy as the load
     """
 
+    start: float
     h: float
     points: int
+    size: float
     parts: tuple[tuple[slice, slice, NDArray[np.float32]], ...]
 
     def of(self, force: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -207,16 +210,19 @@ class Echo:
         out = np.zeros((2, len(force), self.points))
         for forces, heard, answer in self.parts:
             out[:, :, heard] += force[:, forces] @ answer.swapaxes(1, 2)
-        v, a = out
+        v, a = self.size * out
         pieces = 0.5 * self.h * (v[:, 1:] + v[:, :-1]) + self.h**2 / 12.0 * (a[:, :-1] - a[:, 1:])
         position = np.zeros_like(v)
         np.cumsum(pieces, axis=1, out=position[:, 1:])
         return position, v, a
 
 
-def echo(speed: Trace, load: Load, balance: Balance, share: float = 1.0) -> Echo:
+def echo(speed: Trace, load: Load, balance: Balance, share: float = 1.0, before: Echo | None = None) -> Echo:
     """How a reconstructed motion changes with the force at a step's grid points, linear, since the spline through the
-    samples takes back what they contradict; `share` of it."""
+    samples takes back what they contradict; `share` of it. An echo from `before` on the same times differs in size."""
+    size, start = -share * balance.force, float(load[0][0])
+    if before is not None and before.start == start:
+        return replace(before, size=size)
     part, time = window(speed, load), load[0]
     h, points = float(time[1] - time[0]), len(time)
     reach = round(FORGOTTEN * float(np.median(np.diff(part.time))) / h)
@@ -225,8 +231,8 @@ def echo(speed: Trace, load: Load, balance: Balance, share: float = 1.0) -> Echo
         forces = slice(first, min(first + AT_ONCE, points))
         heard = slice(max(0, forces.start - reach), min(points, forces.stop + reach))
         answer = unit_echoes(part, (time, np.eye(points)[:, forces]), time[heard])
-        parts.append((forces, heard, (-share * balance.force * answer).astype(np.float32)))
-    return Echo(h, points, tuple(parts))
+        parts.append((forces, heard, answer.astype(np.float32)))
+    return Echo(start, h, points, size, tuple(parts))
 
 
 def unit_echoes(part: Trace, load: Load, at: FloatArray) -> FloatArray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -11,6 +11,7 @@ from scipy.interpolate import CubicSpline, PPoly
 
 from service.dynamics.driven_motion import plain_motion
 from service.dynamics.driven_reconstruction import (
+    Balance,
     Load,
     drive_of,
     echo,
@@ -104,3 +105,13 @@ def test_echo_is_what_another_force_changes(known: Known) -> None:
     for nu in (0, 1, 2):
         changed = second(time, nu) - first(time, nu)
         assert np.max(np.abs(predicted[nu][0] - changed)) < 0.02 * np.max(np.abs(changed))
+
+
+def test_an_echo_on_the_same_times_differs_in_size_and_on_others_is_found_again(known: Known) -> None:
+    before = echo(known.speed, known.load, Balance(0.7, 0.0))
+    (time, pushed), other = known.load, Balance(0.4, 0.0)
+    forces = np.random.default_rng(1).normal(0.0, 1.0, (2, len(time)))
+    for load in (known.load, (time + 3e-4, pushed)):
+        again, anew = echo(known.speed, load, other, before=before), echo(known.speed, load, other)
+        assert np.allclose(again.of(forces), anew.of(forces), rtol=1e-12, atol=0.0)
+    assert not np.allclose(anew.of(forces), replace(before, size=anew.size).of(forces), rtol=1e-2)
