@@ -43,6 +43,12 @@ against a speed sample, so that it does not hang on how the motor's motion is in
 LADDER = np.array([1e-4, 1e-2, 0.1, 0.5, 2.0, 10.0, 1e3])
 """Dampings tried at once around the last good one: lanes cost less than another round."""
 
+FEW_RUNGS = np.array([1e-4, 0.5, 1e3])
+"""The same where only initial states are free, which are nearly linear."""
+
+LOOK = 2
+"""Rounds after which a fit is given up that is not worth going on: what they leave differs by percents from the end."""
+
 TOGETHER = 88
 """Steps of all sets simulated in one pass: more gain no speed and cost 0.1 to 0.3 MB each."""
 
@@ -342,17 +348,20 @@ def best_trial(problem: Problem, points: Sequence[Point], scale: float) -> tuple
     return int(np.argmin(costs)), float(np.min(costs))
 
 
-def fit(problem: Problem, start: Point, rounds: int = 25, tolerance: float = 0.02) -> Fit:
+def fit(
+    problem: Problem, start: Point, rounds: int = 25, tolerance: float = 0.02, dearest: float = np.inf
+) -> Fit:
     """Levenberg-Marquardt, several dampings tried at once.
 
     Ends when a round gains less than `tolerance` of cost (0.02: a hundredth of a standard deviation in one
-    parameter changes it by less), or after `rounds`.
+    parameter changes it by less), after `rounds`, or after LOOK of them at a cost above `dearest`.
     """
     at, damping = start, 1e-2
+    ladder = LADDER if any(problem.free) else FEW_RUNGS
     response, r, J = jacobian(problem, at)
     for remaining in range(rounds if np.all(np.isfinite(r)) else 0, 0, -1):
         scale = max(1.0, float(np.sqrt(np.mean(r**2))))
-        points = trials(problem, at, r, J, damping * LADDER)
+        points = trials(problem, at, r, J, damping * ladder)
         best, reached = best_trial(problem, [point for point, _ in points], scale)
         gained = cost(problem, at, r, scale) - reached
         if gained <= 0.0:
@@ -365,6 +374,8 @@ def fit(problem: Problem, start: Point, rounds: int = 25, tolerance: float = 0.0
             response, r = answer(problem, at)
             break
         response, r, J = jacobian(problem, at)
+        if rounds - remaining + 1 == LOOK and cost(problem, at, r, 1.0) > dearest:
+            break
     return finished(problem, at, response, r)
 
 

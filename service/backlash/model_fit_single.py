@@ -74,7 +74,7 @@ def followed(measured: Measured, found: Staged) -> Staged:
     best, ends = found.best, list(found.ends)
     for rounds in FOLLOWING if FOLLOWED < best.fit.misfit < HOPELESS else ():
         motors = with_following_motors(measured, replace(best.problem, echoes=()), best.fit)
-        end = Outcome(motors, fit(motors, best.fit.point, rounds, 0.3))
+        end = Outcome(motors, fit(motors, best.fit.point, rounds, 0.3, dearest=best.fit.cost))
         gained = best.fit.cost - end.fit.cost
         if gained < 0.0:
             break

@@ -62,7 +62,7 @@ pinion swings too fast for the grid."""
 STANDSTILL = 0.05
 """Share of what is above the noise that is not worth another reconstruction."""
 
-DIVERGING = 1.1
+DIVERGING = 1.02
 """Cost over that of the best pass over all steps beyond which motion and machine drive each other away."""
 
 SETTLES = 0.8
@@ -157,18 +157,17 @@ def passes(
     for more in rounds[1:]:
         if found.misfit > HOPELESS:
             break
+        best = lowest(out)
         problem = motors(measured, problem, found)
-        found = fit(problem, found.point, more, 0.3)
+        found = fit(problem, found.point, more, 0.3, dearest=dearer * best.fit.cost)
         problem = problem.judged()
-        best = min(out, key=lambda o: o.fit.cost)
         out = [*(o.kept(best) for o in out), Outcome(problem, found)]
         above = STANDSTILL * max(0.0, 1.0 - 1.0 / found.misfit)
         if abs(out[-2].fit.cost - found.cost) < max(0.5, max(still, above) * found.cost):
             break
         if found.cost > dearer * best.fit.cost:
             break
-    best = min(out, key=lambda o: o.fit.cost)
-    return [o.kept(best) for o in out]
+    return [o.kept(lowest(out)) for o in out]
 
 
 def settled(

@@ -82,9 +82,16 @@ def test_the_motor_follows_as_long_as_that_is_better(
     monkeypatch: pytest.MonkeyPatch, misfits: list[float], ends: list[float]
 ) -> None:
     later: Iterator[float] = iter(misfits[1:])
+    dearest: list[float] = []
+
+    def fitted(*_: object, **limits: float) -> object:
+        dearest.append(limits["dearest"])
+        return outcome(next(later)).fit
+
     monkeypatch.setattr(single, "with_following_motors", lambda measured, problem, found: problem)
-    monkeypatch.setattr(single, "fit", lambda *_: outcome(next(later)).fit)
+    monkeypatch.setattr(single, "fit", fitted)
     first = outcome(misfits[0])
     found = single.followed(None, Staged(first, [first], [first]))  # type: ignore[arg-type]
     assert [end.fit.misfit for end in found.ends] == ends
     assert found.best.fit.misfit == min(ends)
+    assert dearest == [1000.0 * misfit for misfit in misfits[:-1]][: len(dearest)]
