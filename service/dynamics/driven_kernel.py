@@ -17,22 +17,19 @@ from service.dynamics.driven_contact import (
     contact_modes,
     crossing,
     lesser,
-    mode_number,
     parted,
     polynomials_of,
     same,
 )
 from service.dynamics.driven_exponential import (
     J,
-    doubled,
-    exponential,
     halvings,
     later_inputs,
-    rate_matrix,
     series,
     state_at,
     terms,
 )
+from service.dynamics.driven_store import emptied, make, slot_of
 from service.recording import FloatArray
 
 Arrays = tuple[NDArray[Any], ...]
@@ -43,9 +40,6 @@ HOPELESS = 100.0
 
 EVENTS = 8
 """Contact events within one piece of an interval; more is chatter below the sensor's noise."""
-
-SCATTER = 31
-"""Spreads the numbers of contact states over the list: those that follow each other differ by powers of three."""
 
 
 @within
@@ -94,56 +88,6 @@ def unlike(arrays, s, other):
             for w in range(W):
                 differs = differs or forced[s, g, side, w] != forced[other, g, side, w]
     return differs
-
-
-@lean
-def slot_of(machine, modes, store):
-    """Where what is known of a contact state is kept: its rate matrix from the first time on."""
-    A, B, push, law, forced = machine
-    keys, slots, count, made, rates, _ = store
-    number = mode_number(modes)
-    place = place_of(keys, number)
-    if keys[place] != number:
-        if count[0] == len(rates):
-            emptied(store)
-            place = place_of(keys, number)
-        slot = count[0]
-        rate_matrix(A, B, push, law, forced, modes, rates[slot])
-        keys[place], slots[place], made[slot] = number, slot, -1
-        count[0] += 1
-    return slots[place]
-
-
-@lean
-def make(slot, level, sizes, dt, store, scratch):
-    """The exponentials of a contact state up to a level; most contact states do not last to the higher ones."""
-    n, Q, X, order = sizes
-    _, _, _, made, rates, powers = store
-    new, term, drive, shares = scratch
-    if made[slot] < 0:
-        exponential(rates[slot], n, Q, X, dt, order, powers[slot, 0], (term, new, drive))
-        made[slot] = 0
-    for below in range(made[slot], level):
-        doubled(powers[slot, below], n, Q, X, dt * (1 << below), powers[slot, below + 1], shares)
-    made[slot] = max(made[slot], level)
-
-
-@within
-def place_of(keys, number):
-    """Where the number of a contact state is listed, or else the first free place for it; there always is one."""
-    place = SCATTER * number % len(keys)
-    while keys[place] >= 0 and keys[place] != number:
-        place = (place + 1) % len(keys)
-    return place
-
-
-@lean
-def emptied(store):
-    """Forget all exponentials."""
-    keys, _, count = store[:3]
-    for i in range(len(keys)):
-        keys[i] = -1
-    count[0] = 0
 
 
 @lean
