@@ -4,7 +4,7 @@ starts (``moves_starts``), and judged on moves that were not fitted.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -44,6 +44,8 @@ PROMISING = 4
 """Effects that are fitted further after a first look at all."""
 FINALISTS = 2
 """Effects whose fit is finished with the motor's motion reconstructed from it."""
+BEHIND = 1.5
+"""How much farther from the moves than the best a fit may be and still be finished (chosen: that gains a third)."""
 MORE, GAIN = 3, 0.005
 """How often a fit of what swings is continued, each time with the swings that it leaves, and the share of its RMS that
 it must gain to be continued again."""
@@ -156,15 +158,21 @@ def propose(
     for candidate in candidates(base.model, library, taken) if best.rms < SECOND * base.rms else ():
         if best.rms < SECOND * found[candidate.name].rms:
             found[candidate.name] = seconded(base, best, found[candidate.name], candidate)
-    for name in sorted(found, key=lambda n: found[n].rms)[:PROMISING]:
+    for name in leading(found, PROMISING):
         found[name] = fit(found[name].moves, found[name].model, found[name].at, ROUNDS)
     for candidate in candidates(base.model, library, taken):
         for inner in set(candidate.effect.contains) & set(found):
             found[inner] = as_contained(found[inner], found[candidate.name])
-    finalists = sorted(found, key=lambda n: found[n].rms)[:FINALISTS]
+    finalists = leading(found, FINALISTS)
     for name in finalists:
         found[name] = settled(found[name], ROUNDS)
     return {name: trial_of(scene, f, thorough=name in finalists) for name, f in found.items()}
+
+
+def leading(found: Mapping[str, Fitted], count: int) -> list[str]:
+    """The names of the best fits, none that is far behind the best."""
+    names = sorted(found, key=lambda name: found[name].rms)[:count]
+    return [name for name in names if found[name].rms <= BEHIND * found[names[0]].rms]
 
 
 def ended(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:

@@ -11,7 +11,7 @@ import pytest
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_library import DRIVEN
 from service.identification import moves_search, moves_starts
-from service.identification.moves_search import parted
+from service.identification.moves_search import leading, parted
 from service.identification.moves_starts import alike, softer_contact
 
 
@@ -31,6 +31,15 @@ def test_gear_and_pinion_are_begun_as_soft_and_as_heavy_as_the_drive_they_are_of
     assert {p.name for p in Model(("X1",), 2).parameters if "gear" in p.name or "pinion" in p.name} <= set(
         both
     )
+
+
+def test_no_fit_is_finished_that_is_far_behind_the_best() -> None:
+    found = {
+        name: cast(Any, SimpleNamespace(rms=rms))
+        for name, rms in (("a", 1.4), ("b", 1.0), ("c", 1.6), ("d", 9.0))
+    }
+    assert leading(found, 4) == ["b", "a"]
+    assert leading(found, 1) == ["b"]
 
 
 def test_every_move_begins_like_the_best_described_one_of_its_direction(monkeypatch: Any) -> None:
