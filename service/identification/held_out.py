@@ -11,6 +11,7 @@ import numpy as np
 from service.dynamics.driven_model import Model
 from service.identification.moves import Moves, early_part, predict
 from service.identification.moves_fit import (
+    CLOSE_PLACES,
     Fitted,
     Free,
     Point,
@@ -138,9 +139,9 @@ def zeros_found(moves: Sequence[Moves], model: Model, at: Point, free: Free) -> 
         return [fit(moves, model, one, 12, free=free, tolerance=0.05) for one in starts]
 
     as_left = (Point(at.shared, resting(moves, model)),) if swings_at_all(model) else ()
-    first = fits((at, rests_found(moves, model, at), *as_left))
+    first = fits((at, rests_found(moves, model, at, CLOSE_PLACES), *as_left))
     best = min(first, key=lambda f: f.rms)
-    again = fits((rests_found(moves, model, best.at), as_alike_moves(best)))
+    again = fits((rests_found(moves, model, best.at, CLOSE_PLACES), as_alike_moves(best)))
     return best_of_each(sorted(first + again, key=lambda f: f.rms))
 
 

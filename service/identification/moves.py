@@ -87,9 +87,9 @@ class Wander:
     beside: FloatArray
     ways: FloatArray
 
-    def whitened(self, difference: FloatArray) -> FloatArray:
-        """Residuals (S, T, X, K) over the noise, whitened."""
-        over = np.where(np.isfinite(difference), difference / self.beside, 0.0)
+    def whitened(self, difference: FloatArray, used: FloatArray) -> FloatArray:
+        """Residuals (S, T, X, K) over the noise, whitened over the samples `used` (T, X, K)."""
+        over = np.where(used, difference / self.beside, 0.0)
         along = np.einsum("stxk,txkq->stq", over, self.ways)
         return np.asarray(over - np.einsum("stq,txkq->stxk", along, self.ways))
 
@@ -333,7 +333,11 @@ def left_over(moves: Moves, model: Model, values: Values) -> dict[str, FloatArra
 def residuals(moves: Moves, said: Course) -> FloatArray:
     """(measured − predicted) of the samples used, over the standard deviation that is expected of it: (S, N)."""
     difference = (moves.measured - said.acceleration()) / moves.noise[:, None]
-    over = moves.wander.whitened(difference) if moves.white and moves.wander else difference / moves.expected
+    over = (
+        moves.wander.whitened(difference, moves.used)
+        if moves.white and moves.wander
+        else difference / moves.expected
+    )
     return np.asarray(over[:, moves.used])
 
 

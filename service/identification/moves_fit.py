@@ -27,6 +27,9 @@ LADDER = np.array([0.01, 0.1, 0.5, 2.0, 10.0, 1e3])
 """Dampings tried at once around the last good one."""
 REST_PLACES = (0.0, -0.05, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0, 1.05)
 """Shares of the gap behind the driving flank at which the pinion may rest when a move begins."""
+CLOSE_PLACES = tuple(np.linspace(-0.05, 1.05, 45))
+"""The same so close that a stiff contact, met at the beginning of a move, has swung by less than half a period between
+two of them: from farther off a fit ends in another swing."""
 
 
 Free = NDArray[np.int64]
@@ -297,15 +300,17 @@ def fit(
     return Fitted(model, tuple(moves), at, np.nan_to_num(r, nan=OVERFLOWN), free)
 
 
-def rests_found(moves: Sequence[Moves], model: Model, at: Point) -> Point:
+def rests_found(
+    moves: Sequence[Moves], model: Model, at: Point, among: Sequence[float] = REST_PLACES
+) -> Point:
     """The point with each move's resting place chosen among a few by its own residuals."""
     local = []
     values = {p.name: float(p.value(u)) for p, u in zip(model.parameters, at.shared, strict=True)}
     for part, own in zip(moves, at.local, strict=True):
         rests = [rest for effect in model.effects for rest in effect.rests(values)]
         lying = [own, *(at_rest(own, model, rest) for rest in rests)]
-        tried = np.tile(np.stack(lying), (len(REST_PLACES), 1, 1))
-        places = np.repeat(REST_PLACES, len(lying))
+        tried = np.tile(np.stack(lying), (len(among), 1, 1))
+        places = np.repeat(among, len(lying))
         sets = np.tile(at.shared, (len(tried), 1))
         best_own = own.copy()
         for x, axis in enumerate(model.axes):

@@ -24,6 +24,8 @@ from service.identification.bridge_zero import bridge_zero, moved_to
 from service.identification.expected_errors import expected_errors
 from service.identification.moves import TAIL, Moves, moves_of
 from service.identification.moves_fit import (
+    CLOSE_PLACES,
+    REST_PLACES,
     Fitted,
     Point,
     fit,
@@ -147,13 +149,15 @@ def lumped(rich: Values, axis: str) -> Values:
     }
 
 
-def point_at(model: Model, values: Values, moves: Sequence[Moves]) -> Point:
+def point_at(
+    model: Model, values: Values, moves: Sequence[Moves], among: Sequence[float] = REST_PLACES
+) -> Point:
     """The point with these values, others at their typical value, every move's zero chosen among a few."""
     shared = np.array(
         [float(p.internal(values[p.name])) if p.name in values else 0.0 for p in model.parameters]
     )
     shared = np.clip(np.nan_to_num(shared), -4.0, 4.0)
-    return rests_found(moves, model, Point(shared, resting(moves, model)))
+    return rests_found(moves, model, Point(shared, resting(moves, model)), among)
 
 
 def as_effects(rich: Values, axes: Sequence[str]) -> Values:
@@ -183,7 +187,7 @@ def resettled(moves: Sequence[Moves], model: Model, at: Point) -> Fitted:
     found = fit(moves, model, at, 6, free=held)
     for _ in range(2):
         moves = reconstructed(found)
-        found = fit(moves, model, rests_found(moves, model, found.at), 4, free=held)
+        found = fit(moves, model, rests_found(moves, model, found.at, CLOSE_PLACES), 4, free=held)
     return found
 
 

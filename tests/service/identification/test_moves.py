@@ -124,8 +124,12 @@ def test_a_wander_of_a_few_ways_is_whitened_to_the_identity() -> None:
         (together, np.sqrt(beside)[0, 0, :, None, None, None] * np.eye(40)[:, None, None, :])
     )
     columns = np.where(used, columns, np.nan)
-    white = wander.whitened(columns)[:, 0, 0]
+    white = wander.whitened(columns, used)[:, 0, 0]
     np.testing.assert_allclose(white.T @ white, np.diag(used[0, 0].astype(float)), atol=1e-9)
+    columns[..., 8] = np.nan
+    assert np.all(
+        np.isnan(wander.whitened(columns, used)[..., used[0, 0]])
+    )  # a simulation that ran away stays one
 
 
 def test_a_number_at_its_limit_has_the_slope_that_leads_away_from_it(found: Fitted) -> None:
