@@ -26,7 +26,7 @@ MATERIAL = 0.02
 """Share of the held-out RMS that an effect must remove to be worth naming (chosen)."""
 NEAR = 0.1
 """How much nearer an effect with more parameters must come than one with fewer, which it may contain (chosen)."""
-UNKNOWN_NUMBERS = 2.0
+UNKNOWN_NUMBERS = 1.3
 """How much of a held-out error may come from numbers that the train moves do not tell well, a friction at another speed
 before all (chosen)."""
 EXPLAINED = 0.9
