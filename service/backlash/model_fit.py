@@ -142,14 +142,15 @@ def unexplained(measured: Measured, outcome: Outcome) -> float:
     return float(excess / np.sqrt(np.mean(signal**2)))
 
 
-def far_out(outcome: Outcome, x: int) -> str | None:
-    """The impurity of axis x that no sound machine has so much of, in words."""
-    axis = outcome.problem.model.axes[x]
+def far_out(outcome: Outcome) -> str | None:
+    """The impurity, in words, that no sound machine has so much of. On a gantry that of either axis: what one motion
+    bends to follow the recording, the other axis' value is bent with."""
     for parameter, u in zip(outcome.problem.model.parameters, outcome.fit.point.shared, strict=True):
-        if abs(u) > FAR_OUT and parameter.name == f"{axis}.bend":
-            return "the flanks' force is far from proportional to their depth"
-        if abs(u) > FAR_OUT and parameter.name.startswith(f"{axis}.mesh_"):
-            return "the mesh runs with an error of many micrometres"
+        axis, _, name = parameter.name.rpartition(".")
+        if abs(u) > FAR_OUT and name == "bend":
+            return f"the force of {axis}'s flanks is far from proportional to their depth"
+        if abs(u) > FAR_OUT and name.startswith("mesh_"):
+            return f"the mesh of {axis} runs with an error of many micrometres"
     return None
 
 
@@ -240,7 +241,7 @@ def judged(recording: Recording, measured: Measured, staged: Staged, beside: Bes
 
 def doubt(measured: Measured, best: Outcome, x: int, steps: StepValues) -> Refusal | None:
     """Why the model cannot be that of the machine, None where it can."""
-    share, strange = unexplained(measured, best), far_out(best, x)
+    share, strange = unexplained(measured, best), far_out(best)
     if not best.fit.misfit < HOPELESS:
         return Refusal(
             Reason.MISFIT,
