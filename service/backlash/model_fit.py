@@ -62,6 +62,10 @@ GANTRY = Effort(
 DEGREES = 60
 """Of freedom of the standard error: some dozens of residuals' lengths of correlation hold its influence."""
 
+SMALLEST = 1e-6
+"""A gap below this [m] is refused. Chosen, a tenth of what a new rack and pinion has: where the flanks never part, a
+fit may still take how their force turns over for a gap of some tenths of a micrometre, and be sure of it."""
+
 MISFIT_LIMIT = 1.5
 UNEXPLAINED = 0.02
 """Refused where the misfit is above this and its excess over the noise is more than this share of the acceleration.
@@ -294,6 +298,12 @@ def wanting(
             "The flanks changed sides in one direction only; the partner holds the load against one flank in the "
             "other, and where the gap ends there is not to be told from where the two axes' zeros lie: align the "
             "axes, or choose a longer or faster step.",
+        )
+    if value < SMALLEST:
+        return Refusal(
+            Reason.GAP_NOT_CROSSED,
+            f"A gap of {value * 1e6:.2f} µm is less than any rack and pinion has: the flanks did not part, since the "
+            "step is too slow or friction holds the load, or the pinion is preloaded; choose a faster step.",
         )
     if half > TOO_WIDE * value:
         return Refusal(

@@ -124,5 +124,13 @@ def test_a_gap_crossed_in_one_direction_is_a_single_axis_gap() -> None:
     assert wanting(5e-5, 0.5e-6, crossing(True, False, True, False)) is None
 
 
+def test_a_gap_of_less_than_any_rack_has_is_flanks_that_never_parted() -> None:
+    """A step too slow for its gap of 53 µm was answered by 0.27 ± 0.03 µm."""
+    refusal = wanting(0.27e-6, 0.03e-6, crossing(True, True, True, True))
+    assert refusal is not None
+    assert refusal.reason is Reason.GAP_NOT_CROSSED
+    assert wanting(2e-6, 0.03e-6, crossing(True, True, True, True)) is None
+
+
 def test_a_gantry_moved_in_one_direction_only_needs_no_other() -> None:
     assert wanting(5e-5, 0.5e-6, crossing(True, True), np.array([1.0, 1.0])) is None
