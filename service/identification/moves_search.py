@@ -13,7 +13,6 @@ from service.dynamics.driven_model import DrivenEffect, Model
 from service.identification.held_out import NEAR, Explained, trial_of
 from service.identification.moves import Moves
 from service.identification.moves_fit import (
-    REST_PLACES,
     Fitted,
     Point,
     best_of_each,
@@ -105,16 +104,10 @@ def seconded(found: Fitted, best: Fitted, first: Fitted, candidate: Candidate) -
     return min(first, again, key=lambda f: f.rms)
 
 
-def begun_at(
-    moves: Sequence[Moves],
-    model: Model,
-    values: Values,
-    local: tuple[FloatArray, ...],
-    among: Sequence[float] = REST_PLACES,
-) -> Point:
+def begun_at(moves: Sequence[Moves], model: Model, values: Values, local: tuple[FloatArray, ...]) -> Point:
     """The point with these values and every move's zeros fitted there, from a search and from `local`, so that no wrong
     zero drives the values away."""
-    searched, held = point_at(model, values, moves, among), np.zeros(0, dtype=np.int64)
+    searched, held = point_at(model, values, moves), np.zeros(0, dtype=np.int64)
     starts = (searched, Point(searched.shared, local))
     return best_of_each([fit(moves, model, at, BRIEF, free=held) for at in starts])
 

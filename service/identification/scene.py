@@ -25,7 +25,6 @@ from service.identification.expected_errors import expected_errors
 from service.identification.moves import TAIL, Moves, moves_of
 from service.identification.moves_fit import (
     CLOSE_PLACES,
-    REST_PLACES,
     Fitted,
     Point,
     fit,
@@ -149,15 +148,13 @@ def lumped(rich: Values, axis: str) -> Values:
     }
 
 
-def point_at(
-    model: Model, values: Values, moves: Sequence[Moves], among: Sequence[float] = REST_PLACES
-) -> Point:
+def point_at(model: Model, values: Values, moves: Sequence[Moves]) -> Point:
     """The point with these values, others at their typical value, every move's zero chosen among a few."""
     shared = np.array(
         [float(p.internal(values[p.name])) if p.name in values else 0.0 for p in model.parameters]
     )
     shared = np.clip(np.nan_to_num(shared), -4.0, 4.0)
-    return rests_found(moves, model, Point(shared, resting(moves, model)), among)
+    return rests_found(moves, model, Point(shared, resting(moves, model)))
 
 
 def as_effects(rich: Values, axes: Sequence[str]) -> Values:
