@@ -63,8 +63,8 @@ DEGREES = 60
 """Of freedom of the standard error: some dozens of residuals' lengths of correlation hold its influence."""
 
 SMALLEST = 1e-6
-"""A gap below this [m] is refused. Chosen, a tenth of what a new rack and pinion has: where the flanks never part, a
-fit may still take how their force turns over for a gap of some tenths of a micrometre, and be sure of it."""
+"""A gap below this [m] is refused. Chosen, about a tenth of the smallest that the method is meant for: where the flanks
+never part, a fit may take how their force turns over for a gap of some tenths of a micrometre, and be sure of it."""
 
 MISFIT_LIMIT = 1.5
 UNEXPLAINED = 0.02
@@ -302,8 +302,8 @@ def wanting(
     if value < SMALLEST:
         return Refusal(
             Reason.GAP_NOT_CROSSED,
-            f"A gap of {value * 1e6:.2f} µm is less than any rack and pinion has: the flanks did not part, since the "
-            "step is too slow or friction holds the load, or the pinion is preloaded; choose a faster step.",
+            f"A gap of {value * 1e6:.2f} µm is not to be told from flanks that did not part: the step is too slow, "
+            "friction holds the load, or the pinion is preloaded; choose a faster step.",
         )
     if half > TOO_WIDE * value:
         return Refusal(

@@ -28,8 +28,8 @@ LADDER = np.array([0.01, 0.1, 0.5, 2.0, 10.0, 1e3])
 REST_PLACES = (0.0, -0.05, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0, 1.05)
 """Shares of the gap behind the driving flank at which the pinion may rest when a move begins."""
 CLOSE_PLACES = tuple(np.linspace(-0.05, 1.05, 45))
-"""The same, closer: between two of the others a stiff contact that is met at the beginning of a move swings by a period
-and more, and a fit that is begun there ends in another swing."""
+"""The same, closer: a stiff contact that is met at the beginning of a move may swing on so far between two of the
+others that a fit which is begun there ends in another swing."""
 
 
 Free = NDArray[np.int64]

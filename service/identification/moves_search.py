@@ -45,7 +45,7 @@ PROMISING = 4
 FINALISTS = 2
 """Effects whose fit is finished with the motor's motion reconstructed from it."""
 BEHIND = 1.5
-"""How much farther from the moves than the best a fit may be and still be finished (chosen: that gains a third)."""
+"""How much farther from the moves than the best a fit may be and still be finished (chosen)."""
 MORE, GAIN = 3, 0.005
 """How often a fit of what swings is continued, each time with the swings that it leaves, and the share of its RMS that
 it must gain to be continued again."""
@@ -189,14 +189,16 @@ def ended(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
         gained, best = best.rms - further.rms, min(best, further, key=lambda f: f.rms)
         if gained < GAIN * best.rms:
             break
-    best = steady(best) if best.rms < HOPELESS else best
+    best = steady(best)
     return trial if best is trial.model.fitted else trial_of(scene, best)
 
 
 def steady(found: Fitted) -> Fitted:
     """The fit continued until it and the motion of the motors that is reconstructed from it agree: each takes the other
     along, and the numbers that no sample tells by itself, such as the parts of friction, arrive last. Every move may
-    wander as the noise of its speed lets it."""
+    wander as the noise of its speed lets it. A hopeless fit stays what it is."""
+    if found.rms >= HOPELESS:
+        return found
     white = Fitted(
         found.model, tuple(replace(m, white=True) for m in found.moves), found.at, found.r, found.free
     )

@@ -124,7 +124,7 @@ def test_a_gap_crossed_in_one_direction_is_a_single_axis_gap() -> None:
     assert wanting(5e-5, 0.5e-6, crossing(True, False, True, False)) is None
 
 
-def test_a_gap_of_less_than_any_rack_has_is_flanks_that_never_parted() -> None:
+def test_a_gap_of_less_than_a_micrometre_may_be_flanks_that_never_parted() -> None:
     """A step too slow for its gap of 53 µm was answered by 0.27 ± 0.03 µm."""
     refusal = wanting(0.27e-6, 0.03e-6, crossing(True, True, True, True))
     assert refusal is not None
