@@ -1,7 +1,9 @@
 """Compilation of the few loops that numpy cannot express without Python in the middle (numba).
 
-Of functions that allocate nothing the arrays that they are given need not be counted in and out (`lean`), and the
-smallest are put into the functions that call them (`within`): both cost more than the few sums that these do.
+Of functions that allocate nothing the arrays that they are given need not be counted in and out (`lean`). Those that
+are called for every contact event are put into the functions that call them (`within`, `once`): handing over some tens
+of arrays costs more than the few sums that they do. A function in the middle of such calls would be compiled again in
+every one above it, so it becomes part of its only caller before anything is compiled (`once`).
 """
 
 from __future__ import annotations
@@ -49,3 +51,8 @@ def lean(function: F) -> F:
 def within(function: F) -> F:
     """As `lean`, for one that is part of an inner loop."""
     return compiled(function, _nrt=False, forceinline=True)
+
+
+def once(function: F) -> F:
+    """As `within`, for one that is called at one place and calls such functions itself."""
+    return compiled(function, _nrt=False, inline="always")

@@ -10,7 +10,7 @@ piece (G,), -1 where there is none, and its depth (G,) [m].
 
 from __future__ import annotations
 
-from service.dynamics.compiled import lean, within
+from service.dynamics.compiled import within
 
 CLOSE = 1e-10
 """How closely an event is found, as a share of the piece; it is passed by as much."""
@@ -84,7 +84,7 @@ def lesser(polynomials, many, t):
     return min(near, push)
 
 
-@lean
+@within
 def crossing(polynomials, many, left):
     """First time in [0, left] at which `lesser` changes its sign: quarters, then regula falsi."""
     begin = lesser(polynomials, many, 0.0)
@@ -118,7 +118,7 @@ def crossing(polynomials, many, left):
     return min(t + CLOSE * left, left)
 
 
-@lean
+@within
 def polynomials_of(flanks, g, side, D, many, out):
     """Approach and force of a flank along a series, into out (…, 2); a piece holds while it is pressed."""
     place, entries, delta, force, first, _, depth = flanks

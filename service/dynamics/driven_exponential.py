@@ -146,7 +146,7 @@ def doubled(E, n, Q, X, dt, out, shares):
                 out[i, w] += place * E[r, w] + speed * E[r + 1, w]
 
 
-@lean
+@within
 def series(N, z, n, Q, X, reach, order, D):
     """Taylor coefficients of z into D, whose inputs are 0 from row J + 2 on; how many there are, the last being too
     small to matter at the time `reach`."""
@@ -172,7 +172,7 @@ def series(N, z, n, Q, X, reach, order, D):
     return order + 1
 
 
-@lean
+@within
 def inputs_rate(D, i, n, Q, X):
     """The inputs' coefficients of order i + 1 from those of order i."""
     U = D.shape[1] - n
@@ -185,7 +185,7 @@ def inputs_rate(D, i, n, Q, X):
         D[i + 1, n + U - 2 * Q + q] = D[i, n + U - Q + q] / (i + 1)
 
 
-@lean
+@within
 def state_at(D, many, n, Q, X, t, z):
     """The series of `many` terms at the time t, into z."""
     for w in range(n):

@@ -12,7 +12,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from service.dynamics.compiled import lean, within
+from service.dynamics.compiled import lean, once, within
 from service.dynamics.driven_contact import (
     contact_modes,
     crossing,
@@ -145,7 +145,7 @@ def propagate(
             out[s] = float("nan")
 
 
-@lean
+@once
 def one_machine(machine, flanks, curves, motion, pace, store, scratch, out):
     """All steps of one parameter set, into out (T, K + 1, n)."""
     x0, c, constants = motion
@@ -166,7 +166,7 @@ def one_machine(machine, flanks, curves, motion, pace, store, scratch, out):
         one_step(machine, flanks, curves, sizes, (h, dt, times, watched), store, scratch, c[t], out[t])
 
 
-@lean
+@once
 def one_step(machine, flanks, curves, sizes, pace, store, scratch, c, out):
     """All intervals of one step from the states in the first of the vectors on, into out (K + 1, n)."""
     n, Q, X, _ = sizes
@@ -199,7 +199,7 @@ def one_step(machine, flanks, curves, sizes, pace, store, scratch, c, out):
             z[i] = out[k + 1, i] = new[i]
 
 
-@lean
+@once
 def through_interval(machine, flanks, sizes, pace, slot, store, scratch):
     """From the beginning of an interval, z, to its end, into new, where the contact state at its end is another one;
     the new one's exponentials. Blocks of pieces at whose end it is not are passed in one, others halved."""
@@ -240,7 +240,7 @@ def copied(vector, into):
         into[w] = vector[w]
 
 
-@lean
+@once
 def through_piece(machine, flanks, sizes, pace, slot, store, scratch):
     """Over one piece of an interval, from new on and into it, through the contact events in it; the exponentials of
     the contact state at its end."""
@@ -265,7 +265,7 @@ def through_piece(machine, flanks, sizes, pace, slot, store, scratch):
     return slot
 
 
-@lean
+@within
 def first_event(flanks, modes, end, D, many, left, course):
     """The gap whose contact state changes first along a series at whose end it is another one, and when."""
     first, at = left, -1

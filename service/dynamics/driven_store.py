@@ -15,7 +15,7 @@ SCATTER = 31
 """Spreads the numbers of contact states over the list: those that follow each other differ by powers of three."""
 
 
-@lean
+@within
 def slot_of(machine, modes, store):
     """Where what is known of a contact state is kept: its rate matrix from the first time on."""
     A, B, push, law, forced = machine
