@@ -147,7 +147,22 @@ def begun(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:
     out.append(at_rich | {k: v for k, v in shapes[0].items() if k in own})
     if scene.coupled and "bridge_stiffness" in kept:
         out.append({**present, **{k: v for k, v in scene.coupled.items() if k in kept}})
-    return out
+    return out + as_heard(scene, found, candidate)
+
+
+def as_heard(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:
+    """An effect that swings as fast as what is heard between the moves: on the machine as it is at every place, and on
+    a typical one, since a wrong model of the machine has gone into the numbers of all others."""
+    if scene.heard is None or candidate.effect.free_swing is None:
+        return []
+    frequency, strong = candidate.effect.free_swing
+    own = {
+        p.name: {**strong, frequency: scene.heard}.get(p.name.rpartition(".")[2], p.typical)
+        for p in candidate.effect.parameters
+    }
+    kept = {p.name for p in found.model.parameters}
+    machines: list[Values] = [{}, values_at(found), scene.rich, scene.smooth]
+    return [{**{k: v for k, v in machine.items() if k in kept}, **own} for machine in machines]
 
 
 def everywhere(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:

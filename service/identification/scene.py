@@ -33,6 +33,7 @@ from service.identification.moves_fit import (
     rests_found,
     values_at,
 )
+from service.identification.rest_spectrum import heard_at_rest
 from service.recording import FloatArray, Recording
 
 HELD = ("constant", "skew")
@@ -101,6 +102,7 @@ class Scene:
     rich : values that the estimator found in the middle of the moves with everything free
     smooth : values of a fit of whole moves with all smooth effects added
     coupled : values that the estimator found for two axes that are not declared to be a gantry as if they were one
+    heard : frequency of what swings on between the moves [Hz]; none where only noise is heard
     """
 
     train: tuple[Moves, ...]
@@ -109,6 +111,7 @@ class Scene:
     rich: Values
     smooth: Values
     coupled: Values
+    heard: float | None = None
 
 
 def estimator_together(recording: Recording, axes: tuple[str, ...]) -> Values:
@@ -219,7 +222,8 @@ def scene_of(
         last = moved_to(last, zero, smooth.value("bridge_offset"))
     before = [with_expected_errors(part, smooth, fitted=True) for part in smooth.moves]
     last = with_expected_errors(last, smooth, fitted=False)
-    return Scene(tuple(before), last, declared, places, values_at(smooth), coupled)
+    heard = heard_at_rest(train[0], axes)
+    return Scene(tuple(before), last, declared, places, values_at(smooth), coupled, heard)
 
 
 def to_one_zero(recordings: Sequence[Moves], model: Model, place: Values) -> list[Moves]:

@@ -15,6 +15,8 @@ from service.dynamics.driven_propagation import LinearSystem
 from service.recording import FloatArray
 
 SWING = ("displacement", "speed")
+AUDIBLE = 0.1
+"""Mass ratio at which a fit of what is heard between the moves begins (chosen)."""
 WANDERING = 1e-6
 """What integrated speeds are off from move to move [m], about: some seconds of 1 kHz samples with a noise and a
 resolution of 0.05 rpm each wander by half of it, and the impacts between the samples add as much."""
@@ -71,6 +73,7 @@ class DrivenHungMass(DrivenEffect):
     shapes: ClassVar[tuple[Mapping[str, float], ...]] = tuple(
         {"hung_frequency": float(f)} for f in np.geomspace(6.0, 120.0, 9)
     )
+    free_swing: ClassVar[tuple[str, Mapping[str, float]] | None] = ("hung_frequency", {"hung_ratio": AUDIBLE})
 
     @property
     def states(self) -> int:
@@ -133,6 +136,7 @@ class DrivenMachineBody(DrivenEffect):
     shapes: ClassVar[tuple[Mapping[str, float], ...]] = tuple(
         {"body_frequency": float(f)} for f in np.geomspace(6.0, 60.0, 9)
     )
+    free_swing: ClassVar[tuple[str, Mapping[str, float]] | None] = ("body_frequency", {"body_ratio": AUDIBLE})
 
     @property
     def states(self) -> int:
