@@ -174,6 +174,11 @@ def at_limits(found: Fitted) -> tuple[str, ...]:
         return tuple(limits)
     if last.states and how_known(found.moves) > KNOWN[-1]:
         limits += [p.name for p in last.nuisance]
+    return (*limits, *overdamped(found))
+
+
+def overdamped(found: Fitted) -> tuple[str, ...]:
+    """Damping ratios, by name, that no chain has."""
     damped = {p.name for p in found.model.of_axis if p.name.endswith("damping_ratio")}
     numbers = zip(found.model.parameters, found.at.shared, strict=True)
-    return (*limits, *(p.name for p, u in numbers if p.name.rpartition(".")[2] in damped and u > OVERDAMPED))
+    return tuple(p.name for p, u in numbers if p.name.rpartition(".")[2] in damped and u > OVERDAMPED)

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from service.dynamics.driven_model import DrivenEffect, Model
-from service.identification.held_out import NEAR, Explained, trial_of
+from service.identification.held_out import NEAR, Explained, overdamped, trial_of
 from service.identification.moves import Moves
 from service.identification.moves_fit import (
     Fitted,
@@ -57,6 +57,8 @@ OF_PINION = 1.0 / 3.0
 ENDED, HOPELESS = 1.05, NEAR
 """RMS up to which a fit need not be begun elsewhere, and from which on neither that nor more rounds nor what still
 swings makes its effect the right one."""
+AS_WELL = 1.1
+"""How much farther from the moves a fit with a sound damping may be (chosen)."""
 WORSE = 1.02
 """How much farther from the moves a fit may be that takes from the rests what swings."""
 FAR_OFF = 2.0
@@ -121,7 +123,20 @@ def settled(found: Fitted, rounds: int) -> Fitted:
         put_back = {name: v for name, v in values_at(found).items() if not name.endswith(PUT_BACK)}
         at = begun_at(moves, found.model, put_back, found.at.local)
         on = min(on, fit(moves, found.model, at, rounds), key=lambda f: f.rms)
-    return swung_in(on) if on.rms < HOPELESS else on
+    return swung_in(as_damped(on)) if on.rms < HOPELESS else on
+
+
+def as_damped(found: Fitted) -> Fitted:
+    """The fit with the damping ratios that no chain has at their typical values, if the moves are described about as
+    well: of a spring so stiff that no sample tells how it swings, any damping is as good."""
+    names = overdamped(found)
+    if not names:
+        return found
+    free = np.array([k for k, p in enumerate(found.model.parameters) if p.name not in names])
+    values = {name: v for name, v in values_at(found).items() if name not in names}
+    at = begun_at(found.moves, found.model, values, found.at.local)
+    damped = fit(found.moves, found.model, at, ROUNDS, free=free)
+    return fit(found.moves, found.model, damped.at, 0) if damped.rms < AS_WELL * found.rms else found
 
 
 def swung_in(found: Fitted) -> Fitted:
