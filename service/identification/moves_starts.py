@@ -114,8 +114,7 @@ def grounds(scene: Scene, found: Fitted) -> list[Fitted]:
     """The present model at the scene's places, on a few moves: where a score is taken too."""
     few, held = fewer(found), np.zeros(0, dtype=np.int64)
     return [
-        fit(few, found.model, point_at(found.model, place, few), BRIEF, free=held)
-        for place in (scene.rich, scene.smooth)
+        fit(few, found.model, point_at(found.model, place, few), BRIEF, free=held) for place in scene.places
     ]
 
 
@@ -138,7 +137,7 @@ def begun(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:
     own = {p.name for p in candidate.effect.parameters}
     kept = {p.name for p in candidate.model.parameters}
     out = [*shapes]
-    for place in (scene.rich, scene.smooth):
+    for place in scene.places:
         free = {k: v for k, v in place.items() if k in own or k not in kept}
         base = {k: v for k, v in place.items() if k in kept} | dict(candidate.effect.instead(free))
         out.append({**present, **{k: v for k, v in shapes[0].items() if k in own}, **base})

@@ -4,7 +4,7 @@ from which fits are started."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
@@ -16,7 +16,7 @@ from service.backlash.model_fit_gantry import gantry_fit
 from service.backlash.model_fit_stages import Staged, staged_fit
 from service.backlash.model_fit_start import closed_form
 from service.dynamics.driven_effect import Case
-from service.dynamics.driven_model import DrivenEffect, Model
+from service.dynamics.driven_model import LINKS, DrivenEffect, Model
 from service.dynamics.driven_parameters import Parameter
 from service.dynamics.driven_parameters import Values as SetValues
 from service.dynamics.effects.driven_bodies import MotorWander
@@ -101,6 +101,7 @@ class Scene:
     ----------
     rich : values that the estimator found in the middle of the moves with everything free
     smooth : values of a fit of whole moves with all smooth effects added
+    plain : values that the closed form finds, others typical: no model of the machine that lacks something drives them
     coupled : values that the estimator found for two axes that are not declared to be a gantry as if they were one
     heard : frequency of what swings on between the moves [Hz]; none where only noise is heard
     """
@@ -112,6 +113,12 @@ class Scene:
     smooth: Values
     coupled: Values
     heard: float | None = None
+    plain: Values = field(default_factory=dict)
+
+    @property
+    def places(self) -> tuple[Values, ...]:
+        """Where fits are begun."""
+        return self.rich, self.smooth, self.plain
 
 
 def estimator_together(recording: Recording, axes: tuple[str, ...]) -> Values:
@@ -137,6 +144,22 @@ def estimated(recording: Recording, axes: tuple[str, ...], gantry: bool) -> tupl
         return together, {}
     alone = {k: v for axis in axes for k, v in lumped(estimator_alone(recording, axis), axis).items()}
     return alone, {k: v for axis in axes for k, v in lumped(together, axis).items()} if together else {}
+
+
+def in_closed_form(recording: Recording, axes: Sequence[str], lumps: int) -> Values:
+    """What the closed form says of the axes, under the names that it has as effects; its springs are alike."""
+    out: dict[str, float | None] = {}
+    for axis in axes:
+        guess = closed_form(recording, axis)
+        soft = (len(LINKS[lumps]) + 1) / guess.compliance if guess.compliance else None
+        out |= {f"{axis}.{link}_stiffness": soft for link in (*LINKS[lumps], "contact")}
+        out |= {
+            f"{axis}.backlash": guess.backlash,
+            f"{axis}.coulomb": guess.friction,
+            f"{axis}.constant_force": guess.constant,
+            f"{axis}.latency": None if guess.skew is None else -guess.skew,
+        }
+    return {name: value for name, value in out.items() if value is not None}
 
 
 def lumped(rich: Values, axis: str) -> Values:
@@ -195,7 +218,7 @@ def declared_fit(scene: Scene) -> Fitted:
     """The declared model on all moves of all train recordings, from the best of the places."""
     fits = [
         fit(scene.train, scene.declared, point_at(scene.declared, place, scene.train), ROUNDS)
-        for place in (scene.rich, scene.smooth)
+        for place in scene.places
     ]
     return min(fits, key=lambda f: f.rms)
 
@@ -223,7 +246,8 @@ def scene_of(
     before = [with_expected_errors(part, smooth, fitted=True) for part in smooth.moves]
     last = with_expected_errors(last, smooth, fitted=False)
     heard = heard_at_rest(train[0], axes)
-    return Scene(tuple(before), last, declared, places, values_at(smooth), coupled, heard)
+    plain = in_closed_form(train[0], axes, lumps)
+    return Scene(tuple(before), last, declared, places, values_at(smooth), coupled, heard, plain)
 
 
 def to_one_zero(recordings: Sequence[Moves], model: Model, place: Values) -> list[Moves]:
