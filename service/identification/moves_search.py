@@ -13,11 +13,13 @@ from service.dynamics.driven_model import DrivenEffect, Model
 from service.identification.held_out import NEAR, Explained, overdamped, trial_of
 from service.identification.moves import Moves
 from service.identification.moves_fit import (
+    CLOSE_PLACES,
     Fitted,
     Point,
     best_of_each,
     fit,
     reconstructed,
+    rests_found,
     values_at,
     width,
 )
@@ -49,6 +51,8 @@ BEHIND = 1.5
 MORE, GAIN = 3, 0.005
 """How often a fit of what swings is continued, each time with the swings that it leaves, and the share of its RMS that
 it must gain to be continued again."""
+TURNS_OF_RESTS = 2
+"""How often the rests of two coupled axes are found anew after the first time."""
 TURNS, STEADY = 8, 2.0
 """How often a fit and the reconstructed motion take turns at the end, and the change of the sum of squares, over the
 noise, from which on they agree (chosen: a standard deviation of one number changes it by one)."""
@@ -91,6 +95,20 @@ def refitted(found: Fitted, brief: Sequence[Brief], least: float) -> Fitted:
         return carried(moves, brief[0], 1)
     best = [one for one in brief if brief[0].rms > RIVAL * one.rms]
     return min((carried(moves, one, FIRST_ROUNDS) for one in best), key=lambda f: f.rms)
+
+
+def as_coupled(scene: Scene, found: Fitted, candidate: Candidate) -> Fitted:
+    """The candidate on all moves from where the estimator puts two axes with a bridge between them. Where each side
+    rests tells only once it is known where the other one does, and until then the masses and the friction of both are
+    driven away; so the rests are found first, in turns."""
+    moves, held = unanswering(found.moves), np.zeros(0, dtype=np.int64)
+    begun = fit(
+        moves, candidate.model, point_at(candidate.model, scene.coupled, moves), FIRST_ROUNDS, free=held
+    )
+    for _ in range(TURNS_OF_RESTS):
+        at = rests_found(moves, candidate.model, begun.at, CLOSE_PLACES)
+        begun = fit(moves, candidate.model, at, FIRST_ROUNDS, free=held)
+    return fit(moves, candidate.model, begun.at, ROUNDS)
 
 
 def seconded(found: Fitted, best: Fitted, first: Fitted, candidate: Candidate) -> Fitted:
@@ -169,6 +187,10 @@ def propose(
     for name, fits in brief.items():
         found[name] = refitted(base, fits, least)
         tell(f"tried {name}: {found[name].rms:.3f} (now {base.rms:.3f})")
+    for candidate in candidates(base.model, library, taken) if scene.coupled else ():
+        if "bridge_stiffness" in {p.name for p in candidate.effect.parameters}:
+            coupled = as_coupled(scene, base, candidate)
+            found[candidate.name] = min(found[candidate.name], coupled, key=lambda f: f.rms)
     best = min(found.values(), key=lambda f: f.rms)
     for candidate in candidates(base.model, library, taken) if best.rms < SECOND * base.rms else ():
         if best.rms < SECOND * found[candidate.name].rms:

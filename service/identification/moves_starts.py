@@ -144,8 +144,6 @@ def begun(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:
     out.append({k: v for k, v in shapes[0].items() if not k.endswith(PUT_BACK)})
     at_rich = {k: v for k, v in scene.rich.items() if k in kept and not k.endswith(PUT_BACK)}
     out.append(at_rich | {k: v for k, v in shapes[0].items() if k in own})
-    if scene.coupled and "bridge_stiffness" in kept:
-        out.append({**present, **{k: v for k, v in scene.coupled.items() if k in kept}})
     return out + as_heard(scene, found, candidate)
 
 
