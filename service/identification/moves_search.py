@@ -26,13 +26,14 @@ from service.identification.moves_fit import (
 from service.identification.moves_rests import KNOWN, how_known, swinging_on, swings_at_all
 from service.identification.moves_starts import (
     BRIEF,
+    ENDED,
+    FAR_OFF,
     PUT_BACK,
     Brief,
     Candidate,
     candidates,
     compared,
     fewer,
-    grounds,
     noted,
     placed,
     unanswering,
@@ -58,15 +59,12 @@ TURNS, STEADY = 8, 2.0
 noise, from which on they agree (chosen: a standard deviation of one number changes it by one)."""
 OF_PINION = 1.0 / 3.0
 """Share of a drive's mass that is begun with as the pinion's (chosen; the fit finds it)."""
-ENDED, HOPELESS = 1.05, NEAR
-"""RMS up to which a fit need not be begun elsewhere, and from which on neither that nor more rounds nor what still
-swings makes its effect the right one."""
+HOPELESS = NEAR
+"""RMS from which on neither another start nor more rounds nor what still swings makes a fit's effect the right one."""
 AS_WELL = 1.1
 """How much farther from the moves a fit with a sound damping may be (chosen)."""
 WORSE = 1.02
 """How much farther from the moves a fit may be that takes from the rests what swings."""
-FAR_OFF = 2.0
-"""How much farther from a few moves than the best of all candidates one may be and still be fitted to all moves."""
 RIVAL = 0.75
 """How near to the best of a candidate's fits of a few moves another must come to be fitted to all moves beside it."""
 SECOND = 0.9
@@ -178,11 +176,7 @@ def propose(
     """Every effect that is not in yet, fitted on all train moves; the best few fitted to the end."""
     base = present.model.fitted
     found: dict[str, Fitted] = {}
-    at_places = grounds(scene, base)
-    brief = {
-        candidate.name: compared(scene, base, at_places, candidate)
-        for candidate in candidates(base.model, library, taken)
-    }
+    brief = compared(scene, base, candidates(base.model, library, taken))
     least = min(fits[0].rms for fits in brief.values())
     for name, fits in brief.items():
         found[name] = refitted(base, fits, least)

@@ -39,6 +39,11 @@ FEW, BRIEF = 4, 5
 """Moves and rounds with which starts are compared."""
 HALVED = 3
 """How often the better half of the fits of what swings is continued."""
+ENDED = 1.05
+"""RMS up to which a fit need not be begun elsewhere."""
+FAR_OFF = 2.0
+"""How much farther from a few moves than the best of all candidates one may be and still be looked at again, and be
+fitted to all moves."""
 TOO_MUCH = 4.0
 """RMS of the present model from which on an effect whose fits have many valleys is not searched for: more is missing
 than a split gap."""
@@ -128,23 +133,44 @@ def unanswering(moves: Sequence[Moves]) -> tuple[Moves, ...]:
     return tuple(replace(part, echoes=(), reference=None) for part in moves)
 
 
-def begun(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:
-    """Values from which the candidate is started, see the module's text."""
+def likely(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:
+    """Values from which the candidate mostly finds to its best fit: its best shapes on the present model, the first on
+    the machine as the estimator and the smooth fit find it, and what is heard between the moves."""
     if candidate.effect.many_valleys:
         return everywhere(scene, found, candidate)
-    present = values_at(found)
-    shapes = scored(found, candidate, present)[:SHAPES]
-    own = {p.name for p in candidate.effect.parameters}
-    kept = {p.name for p in candidate.model.parameters}
-    out = [*shapes]
-    for place in scene.places:
-        free = {k: v for k, v in place.items() if k in own or k not in kept}
-        base = {k: v for k, v in place.items() if k in kept} | dict(candidate.effect.instead(free))
-        out.append({**present, **{k: v for k, v in shapes[0].items() if k in own}, **base})
-    out.append({k: v for k, v in shapes[0].items() if not k.endswith(PUT_BACK)})
+    shapes = scored(found, candidate, values_at(found))[:SHAPES]
+    at_places = (
+        on_machine(scene.rich, found, candidate, shapes[0]),
+        on_machine(scene.smooth, found, candidate, shapes[0]),
+    )
+    return [*shapes, *at_places, *as_heard(scene, found, candidate)]
+
+
+def less_likely(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:
+    """The other places, and the same with the numbers put back that a wrong model drives into a corner."""
+    if candidate.effect.many_valleys:
+        return []
+    own, kept = own_and_kept(candidate)
+    shape = scored(found, candidate, values_at(found))[0]
     at_rich = {k: v for k, v in scene.rich.items() if k in kept and not k.endswith(PUT_BACK)}
-    out.append(at_rich | {k: v for k, v in shapes[0].items() if k in own})
-    return out + as_heard(scene, found, candidate)
+    return [
+        on_machine(scene.plain, found, candidate, shape),
+        {k: v for k, v in shape.items() if not k.endswith(PUT_BACK)},
+        at_rich | {k: v for k, v in shape.items() if k in own},
+    ]
+
+
+def on_machine(place: Values, found: Fitted, candidate: Candidate, shape: Values) -> Values:
+    """The effect in a shape, or as what the place has instead of it, on the machine as it is at a place."""
+    own, kept = own_and_kept(candidate)
+    free = {k: v for k, v in place.items() if k in own or k not in kept}
+    base = {k: v for k, v in place.items() if k in kept} | dict(candidate.effect.instead(free))
+    return {**values_at(found), **{k: v for k, v in shape.items() if k in own}, **base}
+
+
+def own_and_kept(candidate: Candidate) -> tuple[set[str], set[str]]:
+    """The names of the effect's parameters, and of the whole model's."""
+    return {p.name for p in candidate.effect.parameters}, {p.name for p in candidate.model.parameters}
 
 
 def as_heard(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:
@@ -222,21 +248,48 @@ def noted(found: Fitted, moves: Sequence[Moves]) -> Brief:
     return Brief(found.model, found.rms, values_at(found), alike(moves, found))
 
 
-def compared(scene: Scene, found: Fitted, at_places: Sequence[Fitted], candidate: Candidate) -> list[Brief]:
-    """The candidate's best fit of a few moves, of one from each of its starts, and the best of those that ended with
-    another shape of the effect."""
+def first_look(scene: Scene, found: Fitted, candidate: Candidate) -> list[Fitted]:
+    """Fits of a few moves from where the candidate mostly finds to its best one."""
     few = fewer(found)
-    starts = [point_at(candidate.model, values, few) for values in begun(scene, found, candidate)]
+    starts = [point_at(candidate.model, values, few) for values in likely(scene, found, candidate)]
+    return [fit(few, candidate.model, at, BRIEF) for at in starts]
+
+
+def second_look(
+    scene: Scene, found: Fitted, at_places: Sequence[Fitted], candidate: Candidate
+) -> list[Fitted]:
+    """The same from all other starts."""
+    few = fewer(found)
+    starts = [point_at(candidate.model, values, few) for values in less_likely(scene, found, candidate)]
     if not candidate.effect.many_valleys:
         shapes = min(PLACED if candidate.effect.states else 1, len(candidate.effect.shapes))
         starts += [placed(place, candidate, k).at for place in at_places for k in range(shapes)]
-    brief = [fit(few, candidate.model, at, BRIEF) for at in starts]
+    return [fit(few, candidate.model, at, BRIEF) for at in starts]
+
+
+def best_looks(looks: Sequence[Fitted], found: Fitted, candidate: Candidate) -> list[Brief]:
+    """The candidate's best fit of a few moves, and the best of those that ended with another shape of the effect."""
+    brief = list(looks)
     for _ in range(HALVED if candidate.effect.states or candidate.effect.many_valleys else 0):
         brief = better_half_on(brief)
-    other = softer_contact(values_at(min(brief, key=lambda f: f.rms)), candidate.model)
+    best = min(brief, key=lambda f: f.rms)
+    other = softer_contact(values_at(best), candidate.model)
     if other:
-        brief.append(fit(few, candidate.model, point_at(candidate.model, other, few), BRIEF))
+        brief.append(fit(best.moves, candidate.model, point_at(candidate.model, other, best.moves), BRIEF))
     return [noted(one, found.moves) for one in best_of_each_shape(brief, candidate)[:2]]
+
+
+def compared(scene: Scene, found: Fitted, library: Sequence[Candidate]) -> dict[str, list[Brief]]:
+    """The best fits of a few moves of every candidate, by name. All are looked at once; those that may still come to be
+    the best, and are not as near as a right one comes, a second time from more starts."""
+    looks = {candidate.name: first_look(scene, found, candidate) for candidate in library}
+    nearest = {name: min(fit.rms for fit in fits) for name, fits in looks.items()}
+    hopeful = FAR_OFF * min(nearest.values())
+    lacking = [one for one in library if ENDED < nearest[one.name] < hopeful]
+    at_places = grounds(scene, found) if lacking else []
+    for candidate in lacking:
+        looks[candidate.name] += second_look(scene, found, at_places, candidate)
+    return {candidate.name: best_looks(looks[candidate.name], found, candidate) for candidate in library}
 
 
 def better_half_on(fits: Sequence[Fitted]) -> list[Fitted]:

@@ -11,7 +11,7 @@ from service.dynamics.effects.driven_library import DRIVEN
 from service.identification.axis_verdict import LEFT, backlash_of
 from service.identification.explanation import CannotExplain
 from service.identification.moves_search import in_full, refitted, settled, steady
-from service.identification.moves_starts import Candidate, compared, grounds
+from service.identification.moves_starts import Candidate, compared
 from service.identification.scene import declared_fit, scene_of
 from service.recording import Recording
 
@@ -56,7 +56,7 @@ def revised_values(
         for name in effects:
             effect = DRIVEN[name](found.model.axes)
             model = replace(found.model, effects=(*found.model.effects, effect))
-            brief = compared(scene, found, grounds(scene, found), Candidate(effect, model))
+            brief = compared(scene, found, [Candidate(effect, model)])[effect.name]
             found = refitted(found, brief, brief[0].rms)
         found = steady(settled(in_full(found), ROUNDS))
     values = {}
