@@ -95,6 +95,11 @@ def refitted(found: Fitted, brief: Sequence[Brief], least: float) -> Fitted:
     return min((carried(moves, one, FIRST_ROUNDS) for one in best), key=lambda f: f.rms)
 
 
+def bridges(candidate: Candidate) -> bool:
+    """Whether the effect is a bridge between two axes, which the estimator has fitted by itself."""
+    return "bridge_stiffness" in {p.name for p in candidate.effect.parameters}
+
+
 def as_coupled(scene: Scene, found: Fitted, candidate: Candidate) -> Fitted:
     """The candidate on all moves from where the estimator puts two axes with a bridge between them. Where each side
     rests tells only once it is known where the other one does, and until then the masses and the friction of both are
@@ -176,22 +181,21 @@ def propose(
     """Every effect that is not in yet, fitted on all train moves; the best few fitted to the end."""
     base = present.model.fitted
     found: dict[str, Fitted] = {}
-    brief = compared(scene, base, candidates(base.model, library, taken))
-    least = min(fits[0].rms for fits in brief.values())
+    tried = candidates(base.model, library, taken)
+    coupled = {c.name: as_coupled(scene, base, c) for c in tried if scene.coupled and bridges(c)}
+    brief = compared(scene, base, tried, min((f.rms for f in coupled.values()), default=np.inf))
+    least = min(*(f.rms for f in coupled.values()), *(fits[0].rms for fits in brief.values()))
     for name, fits in brief.items():
-        found[name] = refitted(base, fits, least)
+        fitted = (refitted(base, fits, least), *(f for at, f in coupled.items() if at == name))
+        found[name] = min(fitted, key=lambda f: f.rms)
         tell(f"tried {name}: {found[name].rms:.3f} (now {base.rms:.3f})")
-    for candidate in candidates(base.model, library, taken) if scene.coupled else ():
-        if "bridge_stiffness" in {p.name for p in candidate.effect.parameters}:
-            coupled = as_coupled(scene, base, candidate)
-            found[candidate.name] = min(found[candidate.name], coupled, key=lambda f: f.rms)
     best = min(found.values(), key=lambda f: f.rms)
-    for candidate in candidates(base.model, library, taken) if best.rms < SECOND * base.rms else ():
+    for candidate in tried if best.rms < SECOND * base.rms else ():
         if best.rms < SECOND * found[candidate.name].rms:
             found[candidate.name] = seconded(base, best, found[candidate.name], candidate)
     for name in leading(found, PROMISING):
         found[name] = fit(found[name].moves, found[name].model, found[name].at, ROUNDS)
-    for candidate in candidates(base.model, library, taken):
+    for candidate in tried:
         for inner in set(candidate.effect.contains) & set(found):
             found[inner] = as_contained(found[inner], found[candidate.name])
     finalists = leading(found, FINALISTS)

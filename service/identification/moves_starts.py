@@ -279,12 +279,15 @@ def best_looks(looks: Sequence[Fitted], found: Fitted, candidate: Candidate) -> 
     return [noted(one, found.moves) for one in best_of_each_shape(brief, candidate)[:2]]
 
 
-def compared(scene: Scene, found: Fitted, library: Sequence[Candidate]) -> dict[str, list[Brief]]:
+def compared(
+    scene: Scene, found: Fitted, library: Sequence[Candidate], known: float = np.inf
+) -> dict[str, list[Brief]]:
     """The best fits of a few moves of every candidate, by name. All are looked at once; those that may still come to be
-    the best, and are not as near as a right one comes, a second time from more starts."""
+    the best, also of what is `known` by its RMS, and are not as near as a right one comes, a second time from more
+    starts."""
     looks = {candidate.name: first_look(scene, found, candidate) for candidate in library}
     nearest = {name: min(fit.rms for fit in fits) for name, fits in looks.items()}
-    hopeful = FAR_OFF * min(nearest.values())
+    hopeful = FAR_OFF * min(known, *nearest.values())
     lacking = [one for one in library if ENDED < nearest[one.name] < hopeful]
     at_places = grounds(scene, found) if lacking else []
     for candidate in lacking:
