@@ -32,7 +32,8 @@ LEFT_BY_ONE = 3.0
 SMALL, MATTERS = 1.6, (1e-6, 0.02)
 """What leaves no more than this RMS without it, and changes the backlash by less than so many metres or such a share,
 is an impurity too small to matter, as long as it, named or not, leaves next to nothing; but an effect that alone
-explains more than this, if only in the moves that were not fitted, is a finding (chosen)."""
+explains more than this, if only in the moves that were not fitted, is a finding, and so is one that is in no sound
+machine and alone explains what shows in all moves (chosen)."""
 COMMON = frozenset({"transmission_ripple", "contact_nonlinearity"})
 """What every rack and every flank has a little of, and what is therefore no finding where it does not change the
 backlash, unless it is the whole explanation of more than such impurities leave."""
@@ -90,10 +91,12 @@ def finding_of(selection: Selection[Explained]) -> tuple[Finding, tuple[str, ...
     alone = len(effects) == 1 and explained(before, after)
     if not _matters(selection):
         seen = max(before.train_rms, before.validation_rms)
-        if _little(before) and not (alone and seen > SMALL):
+        common = COMMON.issuperset(effects)
+        clear = seen > SMALL or (not common and left(before) > LEFT_BY_CLEAN)
+        if _little(before) and not (alone and clear):
             return nothing, ()
         everything = before.validation_rms > CHANGED and shown(after) <= LEFT_BY_CLEAN
-        if COMMON.issuperset(effects) and not everything:
+        if common and not everything:
             return "none", ()
     error = left if len(effects) == 1 else shown
     near = error(after) <= (LEFT_BY_ONE if alone else LEFT) and after.validation_rms <= CHANGED

@@ -259,9 +259,14 @@ def early_part(moves: Moves, share: float) -> Moves:
     )
 
 
+def few_of(moves: Moves, count: int) -> slice:
+    """Which moves `some_of` keeps."""
+    return slice(1, 1 + count) if len(moves.grids) > count else slice(None)
+
+
 def some_of(moves: Moves, count: int) -> Moves:
     """The first few moves after the first one, in which the pinion may rest anywhere."""
-    kept = slice(1, 1 + count) if len(moves.grids) > count else slice(None)
+    kept = few_of(moves, count)
     return replace(
         moves,
         grids=moves.grids[kept],

@@ -37,6 +37,7 @@ from service.identification.moves_starts import (
     noted,
     placed,
     unanswering,
+    widened,
 )
 from service.identification.scene import Scene, Values, point_at
 from service.identification.selection import Trial
@@ -80,19 +81,20 @@ def as_contained(inner: Fitted, outer: Fitted) -> Fitted:
     return min(inner, fit(inner.moves, inner.model, at, ROUNDS), key=lambda f: f.rms)
 
 
-def carried(moves: Sequence[Moves], brief: Brief, rounds: int) -> Fitted:
-    """What was fitted to a few moves, fitted to all."""
-    return fit(moves, brief.model, begun_at(moves, brief.model, brief.values, brief.local), rounds)
+def carried(found: Fitted, brief: Brief, rounds: int) -> Fitted:
+    """What was fitted to a few moves of a fit, fitted to all of them."""
+    moves = unanswering(found.moves)
+    at = begun_at(moves, brief.model, brief.values, brief.local, widened(found.at.local, brief.model))
+    return fit(moves, brief.model, at, rounds)
 
 
 def refitted(found: Fitted, brief: Sequence[Brief], least: float) -> Fitted:
     """The candidate on all moves, from the best of its fits of a few; `least` is the RMS of the best of all
     candidates there. One that is far from it only takes the moves' zeros along."""
-    moves = unanswering(found.moves)
     if brief[0].rms > FAR_OFF * least:
-        return carried(moves, brief[0], 1)
+        return carried(found, brief[0], 1)
     best = [one for one in brief if brief[0].rms > RIVAL * one.rms]
-    return min((carried(moves, one, FIRST_ROUNDS) for one in best), key=lambda f: f.rms)
+    return min((carried(found, one, FIRST_ROUNDS) for one in best), key=lambda f: f.rms)
 
 
 def bridges(candidate: Candidate) -> bool:
@@ -123,15 +125,15 @@ def seconded(found: Fitted, best: Fitted, first: Fitted, candidate: Candidate) -
     brief = fit(few, candidate.model, placed(ground, candidate).at, BRIEF)
     if brief.rms > SECOND * first.rms:
         return first
-    again = carried(first.moves, noted(brief, first.moves), FIRST_ROUNDS)
+    again = carried(first, noted(brief, first.moves), FIRST_ROUNDS)
     return min(first, again, key=lambda f: f.rms)
 
 
-def begun_at(moves: Sequence[Moves], model: Model, values: Values, local: tuple[FloatArray, ...]) -> Point:
-    """The point with these values and every move's zeros fitted there, from a search and from `local`, so that no wrong
-    zero drives the values away."""
+def begun_at(moves: Sequence[Moves], model: Model, values: Values, *locals_: tuple[FloatArray, ...]) -> Point:
+    """The point with these values and every move's zeros fitted there, from a search and from those given, so that no
+    wrong zero drives the values away."""
     searched, held = point_at(model, values, moves), np.zeros(0, dtype=np.int64)
-    starts = (searched, Point(searched.shared, local))
+    starts = (searched, *(Point(searched.shared, local) for local in locals_))
     return best_of_each([fit(moves, model, at, BRIEF, free=held) for at in starts])
 
 

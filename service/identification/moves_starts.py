@@ -16,10 +16,11 @@ import numpy as np
 
 from service.dynamics.driven_model import LINKS, DrivenEffect, Model
 from service.dynamics.driven_parameters import LINK_PARAMETERS
-from service.identification.moves import Moves, predict, residuals, some_of
+from service.identification.moves import Moves, few_of, predict, residuals, some_of
 from service.identification.moves_fit import (
     DIFFERENCE,
     Fitted,
+    Point,
     costs_of_moves,
     fit,
     values_at,
@@ -251,8 +252,23 @@ def noted(found: Fitted, moves: Sequence[Moves]) -> Brief:
 def first_look(scene: Scene, found: Fitted, candidate: Candidate) -> list[Fitted]:
     """Fits of a few moves from where the candidate mostly finds to its best one."""
     few = fewer(found)
-    starts = [point_at(candidate.model, values, few) for values in likely(scene, found, candidate)]
-    return [fit(few, candidate.model, at, BRIEF) for at in starts]
+    values = likely(scene, found, candidate)
+    starts = [added(found, candidate, values[0]), *(point_at(candidate.model, one, few) for one in values)]
+    looks = [fit(few, candidate.model, at, BRIEF) for at in starts]
+    best = min(looks, key=lambda f: f.rms)
+    return [*looks, fit(few, candidate.model, best.at, BRIEF)]
+
+
+def added(found: Fitted, candidate: Candidate, values: Values) -> Point:
+    """The few moves as they are fitted, and the effect with the numbers of `values`."""
+    own = [float(p.internal(values[p.name])) for p in candidate.effect.parameters]
+    begun = widened((found.at.local[0][few_of(found.moves[0], FEW)],), candidate.model)
+    return Point(np.concatenate((found.at.shared, own)), begun)
+
+
+def widened(local: Sequence[FloatArray], model: Model) -> tuple[FloatArray, ...]:
+    """The moves' own coordinates (T, L) of a model, with those of further effects at their likeliest."""
+    return tuple(np.pad(own, ((0, 0), (0, width(model) - own.shape[1]))) for own in local)
 
 
 def second_look(

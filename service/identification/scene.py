@@ -25,6 +25,7 @@ from service.identification.expected_errors import expected_errors
 from service.identification.moves import TAIL, Moves, moves_of
 from service.identification.moves_fit import (
     CLOSE_PLACES,
+    FAR,
     Fitted,
     Point,
     fit,
@@ -179,7 +180,7 @@ def point_at(model: Model, values: Values, moves: Sequence[Moves]) -> Point:
     shared = np.array(
         [float(p.internal(values[p.name])) if p.name in values else 0.0 for p in model.parameters]
     )
-    shared = np.clip(np.nan_to_num(shared), -4.0, 4.0)
+    shared = np.clip(np.nan_to_num(shared), -FAR, FAR)
     return rests_found(moves, model, Point(shared, resting(moves, model)))
 
 
