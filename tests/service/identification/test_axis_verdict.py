@@ -93,3 +93,16 @@ def test_what_every_rack_has_is_a_finding_only_where_it_matters_or_is_everything
     monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: next(values))
     selection = Selection(trial(3.0, before), trial(after, after), (name,), (), ())
     assert axis_verdict.finding_of(selection)[0] == found
+
+
+@pytest.mark.parametrize(
+    ("name", "train", "found"),
+    [("sensor_bias", 1.4, "effect"), ("sensor_bias", 1.1, "none"), ("contact_nonlinearity", 1.4, "none")],
+)
+def test_what_is_in_no_sound_machine_and_explains_what_shows_in_all_moves_is_a_finding(
+    monkeypatch: pytest.MonkeyPatch, name: str, train: float, found: str
+) -> None:
+    """Also where it does not change the backlash; what shows in the held-out moves only may be numbers."""
+    monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: (50e-6, 1e-7))
+    selection = Selection(trial(train, 1.5), trial(1.0, 1.02), (name,), (), ())
+    assert axis_verdict.finding_of(selection)[0] == found

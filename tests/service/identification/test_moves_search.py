@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
 import pytest
 
+from service.captures import read_capture
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_library import DRIVEN
 from service.identification import moves_search, moves_starts
+from service.identification.moves import moves_of
+from service.identification.moves_fit import Point, fit
 from service.identification.moves_search import leading, parted
 from service.identification.moves_starts import alike, softer_contact
 
@@ -106,6 +110,7 @@ def test_a_fit_goes_on_from_where_it_stands_and_begins_again_only_if_it_is_not_n
     monkeypatch.setattr(moves_search, "reconstructed", lambda found: found.moves)
     monkeypatch.setattr(moves_search, "begun_at", lambda *_: "anew")
     monkeypatch.setattr(moves_search, "values_at", lambda _found: {})
+    monkeypatch.setattr(moves_search, "overdamped", lambda _found: ())
     monkeypatch.setattr(moves_search, "fit", refit)
     reached = 1.0
     assert moves_search.settled(stub(1.2), 3).rms == 1.0
@@ -118,7 +123,7 @@ def test_a_fit_goes_on_from_where_it_stands_and_begins_again_only_if_it_is_not_n
 def test_an_effect_is_begun_again_where_one_ended_that_contains_it(monkeypatch: Any) -> None:
     begun: list[dict[str, float]] = []
 
-    def at(_moves: Any, _model: Any, values: dict[str, float], _local: Any) -> str:
+    def at(_moves: Any, _model: Any, values: dict[str, float], *_locals: Any) -> str:
         begun.append(values)
         return "there"
 
@@ -147,3 +152,63 @@ def test_how_two_gaps_divide_their_sum_is_tried_everywhere_with_the_chain_put_ba
     assert len({round(b["X1.clearance"], 9) for b in begun[:6]}) == 6
     assert not any("X1.drive_mass" in b or "X1.contact_damping_ratio" in b for b in begun)
     assert moves_starts.everywhere(scene, stub(9.0), candidate) == ["one"], "more is missing than a split gap"
+
+
+@pytest.mark.parametrize(("without", "kept"), [(1.15, "sound"), (1.4, "overdamped")])
+def test_damping_that_no_chain_has_is_put_back_where_no_sample_tells_it(
+    monkeypatch: Any, without: float, kept: str
+) -> None:
+    """What tells it is a fit that comes no nearer without it."""
+    held: list[int] = []
+
+    def refit(_moves: Any, _model: Any, _at: Any, rounds: int, free: Any = None) -> Any:
+        held.extend([] if free is None else sorted({0, 1} - set(free)))
+        return SimpleNamespace(rms=without, at="sound")
+
+    model = SimpleNamespace(
+        parameters=[SimpleNamespace(name=n) for n in ("X1.gear_damping_ratio", "X1.coulomb")]
+    )
+    found = cast(Any, SimpleNamespace(rms=1.1, moves=(), model=model, at=SimpleNamespace(local=())))
+    values = {"X1.gear_damping_ratio": 3.0, "X1.coulomb": 0.3}
+    begun: list[dict[str, float]] = []
+    monkeypatch.setattr(moves_search, "overdamped", lambda _found: ("X1.gear_damping_ratio",))
+    monkeypatch.setattr(moves_search, "values_at", lambda _found: values)
+    monkeypatch.setattr(moves_search, "begun_at", lambda _m, _n, at, *_: begun.append(at))
+    monkeypatch.setattr(moves_search, "fit", refit)
+    damped = moves_search.as_damped(found)
+    assert (damped is found) == (kept == "overdamped")
+    assert begun == [{"X1.coulomb": 0.3}], "a value that is not given is the typical one"
+    assert held == [0]
+
+
+def test_a_second_look_is_for_what_may_still_be_the_best(monkeypatch: Any) -> None:
+    """Not for what is as near as a right one, nor for what is far behind the nearest."""
+    first = {"right": 1.0, "hopeful": 1.8, "behind": 2.5}
+    again: list[str] = []
+    monkeypatch.setattr(moves_starts, "first_look", lambda _s, _f, candidate: [stub(first[candidate.name])])
+    monkeypatch.setattr(moves_starts, "second_look", lambda *args: again.append(args[-1].name) or [stub(1.2)])
+    monkeypatch.setattr(moves_starts, "grounds", lambda *_: [])
+    monkeypatch.setattr(moves_starts, "best_looks", lambda looks, *_: sorted(one.rms for one in looks))
+    library = cast(Any, [SimpleNamespace(name=name) for name in first])
+    looks = cast(Any, moves_starts.compared(cast(Any, None), stub(3.0), library))
+    assert again == ["hopeful"]
+    assert looks == {"right": [1.0], "hopeful": [1.2, 1.8], "behind": [2.5]}
+    again.clear()
+    moves_starts.compared(cast(Any, None), stub(3.0), library[1:], known=0.8)
+    assert not again, "something that is known already is far nearer"
+
+
+def test_an_effect_begun_on_the_present_model_changes_nothing(shared_dir: Path) -> None:
+    """At an amount of nothing the few moves are described as they were, also by a machine far from a typical one."""
+    moves = moves_of(read_capture(shared_dir / "captures" / "none-train.parquet"), ("X1",))
+    model = Model(("X1",), 2, held=("constant", "skew"))
+    shared = np.zeros(len(model.parameters))
+    shared[[p.name for p in model.parameters].index("X1.gear_mass")] = 4.6
+    local = np.random.default_rng(3).normal(0.0, 0.3, (len(moves.grids), 2))
+    few = moves_starts.some_of(moves, moves_starts.FEW)
+    present = fit([moves], model, Point(shared, (local,)), 0)
+    kept = moves_starts.few_of(moves, moves_starts.FEW)
+    alone = fit([few], model, Point(shared, (local[kept],)), 0)
+    for candidate in moves_starts.candidates(model, [DRIVEN["hung_mass_mode"], DRIVEN["sensor_gain"]], ()):
+        begun = moves_starts.added(present, candidate, dict(candidate.effect.starts[0]))
+        np.testing.assert_allclose(fit([few], candidate.model, begun, 0).r, alone.r, rtol=1e-6, atol=1e-6)

@@ -1,0 +1,37 @@
+"""What is heard between moves: a swing that was let go, told from noise and from a drift."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from service.identification.rest_spectrum import heard_at_rest
+from service.recording import AxisDescription, Move, Recording, Trace
+
+RATE, NOISE = 2000.0, 0.03
+MOVES = tuple(Move(0.5 * k, 1 if k % 2 else -1, 0.005, 100.0, 0.15) for k in range(1, 11))
+
+
+def heard(seed: int, frequency: float = 0.0, strength: float = 0.0, drift: float = 0.0) -> float | None:
+    """Of a sensor that hears a damped swing of this strength [m/s²] from the end of every move on."""
+    time = np.arange(0.0, 6.0, 1.0 / RATE)
+    value = np.random.default_rng(seed).normal(0.0, NOISE, len(time)) + drift * time
+    for move in MOVES:
+        since = time - move.end
+        swing = np.exp(-0.01 * 2 * np.pi * frequency * since) * np.sin(2 * np.pi * frequency * since)
+        value += np.where((since > 0) & (since < 0.35), strength * swing, 0.0)
+        value += np.where((time > move.start) & (time < move.end), 5.0, 0.0)
+    trace = Trace(time, value)
+    recording = Recording("m", (AxisDescription("X1", 0.004),), {("X1", "acceleration"): trace}, MOVES)
+    return heard_at_rest(recording, ("X1",))
+
+
+@pytest.mark.parametrize("frequency", [9.0, 22.0, 61.0, 140.0])
+def test_a_swing_between_the_moves_is_heard_at_its_frequency(frequency: float) -> None:
+    found = heard(1, frequency, 0.2)
+    assert found == pytest.approx(frequency, rel=0.06)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_noise_and_a_drift_are_no_swing(seed: int) -> None:
+    assert heard(seed, drift=0.2) is None
