@@ -186,7 +186,7 @@ def propose(
     tried = candidates(base.model, library, taken)
     coupled = {c.name: as_coupled(scene, base, c) for c in tried if scene.coupled and bridges(c)}
     brief = compared(scene, base, tried, min((f.rms for f in coupled.values()), default=np.inf))
-    least = min(*(f.rms for f in coupled.values()), *(fits[0].rms for fits in brief.values()))
+    least = min([f.rms for f in coupled.values()] + [fits[0].rms for fits in brief.values()])
     for name, fits in brief.items():
         fitted = (refitted(base, fits, least), *(f for at, f in coupled.items() if at == name))
         found[name] = min(fitted, key=lambda f: f.rms)

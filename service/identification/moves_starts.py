@@ -303,7 +303,7 @@ def compared(
     starts."""
     looks = {candidate.name: first_look(scene, found, candidate) for candidate in library}
     nearest = {name: min(fit.rms for fit in fits) for name, fits in looks.items()}
-    hopeful = FAR_OFF * min(known, *nearest.values())
+    hopeful = FAR_OFF * min([known, *nearest.values()])
     lacking = [one for one in library if ENDED < nearest[one.name] < hopeful]
     at_places = grounds(scene, found) if lacking else []
     for candidate in lacking:
