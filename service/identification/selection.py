@@ -106,10 +106,13 @@ def distance(trial: Trial[ModelT]) -> float:
     return trial.train_rms * trial.held_rms
 
 
-def imitated(trials: Mapping[str, Trial[ModelT]], least: float) -> bool:
-    """Whether what comes far nearer to all moves than the `least` distance of what passed is no such effect, by the
-    limits that its numbers are at: something that no library has acts, and what passed is a part of its likeness."""
-    return any(t.at_limits and distance(t) < FAR_NEARER * least for t in trials.values())
+def imitated(present: Trial[ModelT], trials: Mapping[str, Trial[ModelT]], nearest: Trial[ModelT]) -> bool:
+    """Whether what comes far nearer to all moves than the `nearest` of what passed, or explains nearly all where that
+    does not, is no such effect, by the limits that its numbers are at: something that no library has acts, and what
+    passed is a part of its likeness."""
+    beyond = [t for t in trials.values() if t.at_limits and distance(t) < distance(nearest)]
+    everything = any(explained(present, t) for t in beyond) and not explained(present, nearest)
+    return everything or any(distance(t) < FAR_NEARER * distance(nearest) for t in beyond)
 
 
 def gain_p_value(before: Trial[ModelT], after: Trial[ModelT]) -> float:
@@ -181,10 +184,11 @@ def select(
         more = (further or (material, enough))[0]
         passed = _without_containing([n for n, c in judged.items() if c.accepted], trials, contains, more)
         log = [c for c in log if c.effect not in judged]
-        least = min((distance(trials[name]) for name in passed), default=0.0)
-        if not passed or imitated(trials, least):
+        nearest = min((trials[name] for name in passed), key=distance, default=None)
+        if nearest is None or imitated(present, trials, nearest):
             log += judged.values()
             break
+        least = distance(nearest)
         near = [name for name in passed if distance(trials[name]) <= (1.0 + NEAR) * least]
         best = min(near, key=lambda name: (size(trials[name]), distance(trials[name])))
         log += [_only(best, candidate) for candidate in judged.values()]

@@ -175,3 +175,15 @@ def test_what_contains_an_effect_that_was_taken_before_is_named_in_its_place() -
         contains=lambda name: ("constant",) if name == "spring" else (),
     )
     assert found.effects == ("spring",)
+
+
+@pytest.mark.parametrize(("named", "taken"), [(1.3, ()), (1.05, ("sensor_gain",))])
+def test_what_explains_nearly_all_as_no_such_effect_does_leaves_no_name_to_what_does_not(
+    named: float, taken: tuple[str, ...]
+) -> None:
+    trials = {
+        "sensor_gain": trial(named, 0),
+        "machine_body_mode": replace(trial(1.02, 0), at_limits=("body_damping",)),
+    }
+    found = select(trial(2.0, 0), lambda _p, done: {} if done else trials, enough=1.25, material=0.1)
+    assert found.effects == taken
