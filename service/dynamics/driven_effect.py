@@ -117,6 +117,10 @@ class DrivenEffect:
         """Its coordinates of a step with which an axis may rest, by full name in their units, beside 0."""
         return ()
 
+    def lags(self, values: Mapping[str, float]) -> float:
+        """Time constant [s] by which the drive's speed lags behind the motor's, with values by full name."""
+        return 0.0
+
     @property
     def refined(self) -> DrivenEffect:
         """The same effect as it is simulated for a value, where a search makes do with less."""

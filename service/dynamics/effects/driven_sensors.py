@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -84,3 +85,6 @@ class DrivenSpeedFilter(DrivenEffect):
             tau = case.values[f"{axis}.filter_time"][:, None, None, None]
             out[:, :, :, x, :-1] += tau * c[:, :, :, x, 1:]
         return out
+
+    def lags(self, values: Mapping[str, float]) -> float:
+        return max(values[f"{axis}.filter_time"] for axis in self.axes)

@@ -14,7 +14,7 @@ from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_library import DRIVEN
 from service.identification import moves_search, moves_starts
 from service.identification.moves import moves_of
-from service.identification.moves_fit import Point, fit
+from service.identification.moves_fit import Point, fit, reconstructed
 from service.identification.moves_search import leading, parted
 from service.identification.moves_starts import alike, softer_contact
 
@@ -212,3 +212,25 @@ def test_an_effect_begun_on_the_present_model_changes_nothing(shared_dir: Path) 
     for candidate in moves_starts.candidates(model, [DRIVEN["hung_mass_mode"], DRIVEN["sensor_gain"]], ()):
         begun = moves_starts.added(present, candidate, dict(candidate.effect.starts[0]))
         np.testing.assert_allclose(fit([few], candidate.model, begun, 0).r, alone.r, rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("effects", "filter_time", "plain"),
+    [
+        (("speed_filter",), 2e-3, True),
+        (("speed_filter",), 0.0, False),
+        (("speed_filter", "sensor_latency"), 2e-3, False),
+    ],
+)
+def test_a_speed_that_a_filter_has_passed_gets_no_kinks(
+    shared_dir: Path, effects: tuple[str, ...], filter_time: float, plain: bool
+) -> None:
+    """The force's jumps make kinks in the motor's speed, and the filter takes them out before it is sampled."""
+    moves = moves_of(read_capture(shared_dir / "captures" / "none-train.parquet"), ("X1",))
+    model = Model(("X1",), 2, tuple(DRIVEN[name](("X1",)) for name in effects), held=("constant", "skew"))
+    shared = np.zeros(len(model.parameters))
+    at = [p.name for p in model.parameters].index("X1.filter_time")
+    shared[at] = float(model.parameters[at].internal(filter_time))
+    (after,) = reconstructed(fit([moves], model, Point(shared, (np.zeros((len(moves.grids), 2)),)), 0))
+    assert (not after.echoes) == plain
+    assert all((motion == moves.plain) == plain for motion in after.motion)
