@@ -26,8 +26,7 @@ OVERFLOWN = 1e8
 LADDER = np.array([0.01, 0.1, 0.5, 2.0, 10.0, 1e3])
 """Dampings tried at once around the last good one."""
 LAGS = 2e-4
-"""Time constant of a filter from which on a drive's speed has no kinks [s]: less changes an impact by less than the
-noise (chosen)."""
+"""Time constant of a filter from which on a drive's speed is taken to have no kinks [s] (chosen)."""
 REST_PLACES = (0.0, -0.05, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0, 1.05)
 """Shares of the gap behind the driving flank at which the pinion may rest when a move begins."""
 CLOSE_PLACES = tuple(np.linspace(-0.05, 1.05, 45))

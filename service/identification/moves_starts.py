@@ -1,7 +1,7 @@
 """Where fits of an added effect are started, and which starts are worth a fit of all moves.
 
 A model that lacks something is driven into a corner of its parameters, from which a refit comes back slowly. So every
-effect is started from several places: where the present fit ended, so that no candidate is worse than the model without
+effect is started from several places: where the present fit ended, so that no candidate begins worse than without
 it; from the estimator's, which sees the middle of the moves only; from a fit to which all smooth effects were added at
 once; and from the closed form, which no model drives anywhere. The effect's own shape (a frequency, a speed, a period)
 is chosen there by a score test: the derivative of the residual with respect to a small dose of the effect, projected
