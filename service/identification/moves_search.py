@@ -39,7 +39,7 @@ from service.identification.moves_starts import (
     unanswering,
     widened,
 )
-from service.identification.scene import Scene, Values, point_at
+from service.identification.scene import Scene, Values, point_at, shared_at
 from service.identification.selection import Trial
 from service.recording import FloatArray
 
@@ -60,6 +60,9 @@ TURNS, STEADY = 8, 2.0
 noise, from which on they agree (chosen: a standard deviation of one number changes it by one)."""
 OF_PINION = 1.0 / 3.0
 """Share of a drive's mass that is begun with as the pinion's (chosen; the fit finds it)."""
+SOUND = 2.0
+"""RMS from which on the declared model is not finished: it lacks something, and is only what is improved on (chosen; up
+to 1.6 it may be called sound)."""
 HOPELESS = NEAR
 """RMS from which on neither another start nor more rounds nor what still swings makes a fit's effect the right one."""
 AS_WELL = 1.1
@@ -81,6 +84,16 @@ def as_contained(inner: Fitted, outer: Fitted) -> Fitted:
     return min(inner, fit(inner.moves, inner.model, at, ROUNDS), key=lambda f: f.rms)
 
 
+def glanced_at(found: Fitted, brief: Brief) -> Fitted:
+    """What was fitted to a few moves of a fit, on all of them, only every move's zeros taken along: as far as one that
+    is far behind the best has to be known."""
+    moves, held = unanswering(found.moves), np.zeros(0, dtype=np.int64)
+    shared = shared_at(brief.model, brief.values)
+    starts = (Point(shared, local) for local in (brief.local, widened(found.at.local, brief.model)))
+    at = best_of_each([fit(moves, brief.model, at, 1, free=held) for at in starts])
+    return fit(moves, brief.model, at, 1)
+
+
 def carried(found: Fitted, brief: Brief, rounds: int) -> Fitted:
     """What was fitted to a few moves of a fit, fitted to all of them."""
     moves = unanswering(found.moves)
@@ -90,9 +103,9 @@ def carried(found: Fitted, brief: Brief, rounds: int) -> Fitted:
 
 def refitted(found: Fitted, brief: Sequence[Brief], least: float) -> Fitted:
     """The candidate on all moves, from the best of its fits of a few; `least` is the RMS of the best of all
-    candidates there. One that is far from it only takes the moves' zeros along."""
+    candidates there. One that is far from it is only looked at."""
     if brief[0].rms > FAR_OFF * least:
-        return carried(found, brief[0], 1)
+        return glanced_at(found, brief[0])
     best = [one for one in brief if brief[0].rms > RIVAL * one.rms]
     return min((carried(found, one, FIRST_ROUNDS) for one in best), key=lambda f: f.rms)
 
@@ -116,13 +129,16 @@ def as_coupled(scene: Scene, found: Fitted, candidate: Candidate) -> Fitted:
     return fit(moves, candidate.model, begun.at, ROUNDS)
 
 
-def seconded(found: Fitted, best: Fitted, first: Fitted, candidate: Candidate) -> Fitted:
-    """The candidate, fitted `first`, begun once more with the machine that the best of all candidates found: while an
-    axis moves, effects are alike that are not at its turning points, and the best has left the declared model's
-    corner."""
+def ground_of(found: Fitted, best: Fitted) -> Fitted:
+    """The present model with the machine that the best of all candidates found, on a few moves: while an axis moves,
+    effects are alike that are not at its turning points, and the best has left the declared model's corner."""
     few, held = fewer(found), np.zeros(0, dtype=np.int64)
-    ground = fit(few, found.model, point_at(found.model, values_at(best), few), BRIEF, free=held)
-    brief = fit(few, candidate.model, placed(ground, candidate).at, BRIEF)
+    return fit(few, found.model, point_at(found.model, values_at(best), few), BRIEF, free=held)
+
+
+def seconded(ground: Fitted, first: Fitted, candidate: Candidate) -> Fitted:
+    """The candidate, fitted `first`, begun once more from such a ground."""
+    brief = fit(ground.moves, candidate.model, placed(ground, candidate).at, BRIEF)
     if brief.rms > SECOND * first.rms:
         return first
     again = carried(first, noted(brief, first.moves), FIRST_ROUNDS)
@@ -192,9 +208,10 @@ def propose(
         found[name] = min(fitted, key=lambda f: f.rms)
         tell(f"tried {name}: {found[name].rms:.3f} (now {base.rms:.3f})")
     best = min(found.values(), key=lambda f: f.rms)
+    ground = ground_of(base, best)
     for candidate in tried if best.rms < SECOND * base.rms else ():
         if best.rms < SECOND * found[candidate.name].rms:
-            found[candidate.name] = seconded(base, best, found[candidate.name], candidate)
+            found[candidate.name] = seconded(ground, found[candidate.name], candidate)
     for name in leading(found, PROMISING):
         found[name] = fit(found[name].moves, found[name].model, found[name].at, ROUNDS)
     for candidate in tried:
@@ -215,6 +232,8 @@ def leading(found: Mapping[str, Fitted], count: int) -> list[str]:
 def ended(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
     """The fit of a model that may be the right one, begun once more with the machine of the estimator and of the smooth
     fit, and continued while it gains; its effects as they are simulated for a value."""
+    if trial.model.fitted.model == scene.declared and trial.train_rms > SOUND:
+        return trial
     best = in_full(trial.model.fitted)
     split = any(effect.many_valleys for effect in best.model.effects)
     for place in () if split else (scene.rich, scene.smooth):

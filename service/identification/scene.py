@@ -177,11 +177,13 @@ def lumped(rich: Values, axis: str) -> Values:
 
 def point_at(model: Model, values: Values, moves: Sequence[Moves]) -> Point:
     """The point with these values, others at their typical value, every move's zero chosen among a few."""
-    shared = np.array(
-        [float(p.internal(values[p.name])) if p.name in values else 0.0 for p in model.parameters]
-    )
-    shared = np.clip(np.nan_to_num(shared), -FAR, FAR)
-    return rests_found(moves, model, Point(shared, resting(moves, model)))
+    return rests_found(moves, model, Point(shared_at(model, values), resting(moves, model)))
+
+
+def shared_at(model: Model, values: Values) -> FloatArray:
+    """Coordinates (P,) of these values, others at their typical value."""
+    shared = [float(p.internal(values[p.name])) if p.name in values else 0.0 for p in model.parameters]
+    return np.asarray(np.clip(np.nan_to_num(shared), -FAR, FAR), dtype=np.float64)
 
 
 def as_effects(rich: Values, axes: Sequence[str]) -> Values:

@@ -93,11 +93,42 @@ def test_a_candidate_far_from_a_few_moves_is_not_fitted_to_all(monkeypatch: Any)
     rounds: list[int] = []
     monkeypatch.setattr(moves_search, "unanswering", lambda moves: moves)
     monkeypatch.setattr(moves_search, "carried", lambda _moves, brief, n: rounds.append(n) or stub(brief.rms))
+    monkeypatch.setattr(moves_search, "glanced_at", lambda _found, brief: brief)
     near, far = [stub(1.5), stub(3.0)], [stub(4.0), stub(4.1)]
-    moves_search.refitted(stub(6.0), far, 1.5)
-    assert rounds == [1]
+    assert moves_search.refitted(stub(6.0), far, 1.5) is far[0]
+    assert not rounds
     moves_search.refitted(stub(6.0), near, 1.5)
-    assert rounds == [1, moves_search.FIRST_ROUNDS]
+    assert rounds == [moves_search.FIRST_ROUNDS]
+
+
+def test_a_glance_moves_no_wrong_start_away_but_takes_the_zeros_along(shared_dir: Path) -> None:
+    """The moves begin where the fit of a few says or where they begin now, each where it is described best."""
+    moves = moves_of(read_capture(shared_dir / "captures" / "none-train.parquet"), ("X1",))
+    model = Model(("X1",), 2, held=("constant", "skew"))
+    now = fit([moves], model, Point(np.zeros(len(model.parameters)), (np.zeros((len(moves.grids), 2)),)), 3)
+    far = tuple(np.full_like(local, 8.0) for local in now.at.local)
+    brief = moves_starts.Brief(model, 9.0, moves_starts.values_at(now), far)
+    assert moves_search.glanced_at(now, brief).rms < 1.05 * now.rms
+    lost = fit([moves], model, Point(now.at.shared, far), 0)
+    assert lost.rms > 2.0 * now.rms
+
+
+def test_a_declared_model_that_lacks_something_is_not_finished(monkeypatch: Any) -> None:
+    """It is no more than what the effects are compared with."""
+
+    def trial(model: object, rms: float) -> Any:
+        return SimpleNamespace(model=SimpleNamespace(fitted=SimpleNamespace(model=model)), train_rms=rms)
+
+    def finished(_found: Any) -> Any:
+        raise AssertionError("finished")
+
+    monkeypatch.setattr(moves_search, "in_full", finished)
+    scene = cast(Any, SimpleNamespace(declared="declared"))
+    lacking = trial("declared", 2.5)
+    assert moves_search.ended(scene, lacking) is lacking
+    for one in (trial("declared", 1.5), trial("with an effect", 2.5)):
+        with pytest.raises(AssertionError, match="finished"):
+            moves_search.ended(scene, one)
 
 
 def test_a_fit_goes_on_from_where_it_stands_and_begins_again_only_if_it_is_not_near(monkeypatch: Any) -> None:
