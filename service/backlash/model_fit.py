@@ -4,7 +4,7 @@ The axis' whole model, eqs. (2)-(7) and for a gantry (9), is simulated from the 
 compared with the accelerometer; the backlash is one of its parameters. Both axes of a gantry are fitted together:
 the partner's pull is part of the model. The value stands or falls with how well the model explains the
 recording, so the misfit to the noise at standstill is judged, and the interval holds what the fit's own
-covariance does not know: the misfit, the scatter of the steps and the spread over starts.
+covariance does not know: the misfit, the noise of the input, the scatter of the steps and the spread over starts.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from service.backlash.interval import half_width_95
 from service.backlash.model_fit_beside import Beside
 from service.backlash.model_fit_data import Measured, measure
 from service.backlash.model_fit_gantry import gantry_fit
+from service.backlash.model_fit_input_noise import input_variance
 from service.backlash.model_fit_interval import (
     Linearised,
     difference,
@@ -218,6 +219,7 @@ def judged(recording: Recording, measured: Measured, staged: Staged, beside: Bes
     fit, spread = by_evidence(beside.linear, best.fit.misfit)
     rivals = weighed(staged, x)
     unsure = float(spread[k, k]) * fit.slope(k) ** 2 + rivals.variance
+    unsure += input_variance(measured, best, fit.influence(k))
     value = float(best.problem.model.parameters[k].value(fit.at.shared[k])) + rivals.shift
     steps = step_values(best, fit, x)
     results = tuple(one_step(recording, steps, t) for t in range(len(recording.moves)))

@@ -1,6 +1,7 @@
 """The standard error of a fit's backlash, from what its residual says by itself.
 
-The fit is linearised at its end; each residual then moves the backlash by its influence. Three things move it:
+The fit is linearised at its end; each residual then moves the backlash by its influence. Three things move it here
+(what the speed's noise moves it by is in model_fit_input_noise):
 
 noise       The residuals are neither white nor alike: what an error of the input leaves rings on after the impact.
             Their covariance is taken as they are, of their local size and with their own correlation over lags,

@@ -209,7 +209,7 @@ def sensitivities(problem: Problem, at: Point, motions: FloatArray) -> Following
 def answers(problem: Problem, at: Point, shifts: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Accelerations, forces and recoil (S, T, …) with the motors moved by `shifts` (S, K, X, 5)."""
     S = len(shifts)
-    course = course_at(problem, np.tile(at.shared, (S, 1)), np.tile(at.local, (S, 1, 1, 1)), shifts)
+    course = course_at(problem, np.tile(at.shared, (S, 1)), np.tile(at.local, (S, 1, 1, 1)), shifts[:, None])
     recoil = course.recoil()
     assert recoil is not None
     return course.acceleration(), course.force(), recoil

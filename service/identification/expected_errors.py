@@ -14,8 +14,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
+from service.backlash.model_fit_input_noise import errors_of_samples
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_bodies import WANDERING
 from service.identification.moves import Moves, Wander, motor_coefficients, sample_noise, simulated
@@ -30,32 +30,13 @@ WAYS = 6
 
 def speed_errors(moves: Moves, x: int, skew: float) -> FloatArray:
     """Motion of motor x that one standard deviation of each speed sample adds: (samples, T, K, 5)."""
-    axis, T, K = moves.axes[x], len(moves.grids), moves.samples
+    axis, K = moves.axes[x], moves.samples
     trace = moves.recording.traces[axis, "motor_speed"]
     size = (
         sample_noise(trace, moves.recording) * moves.recording.axis(axis).transmission * moves.noise_left[x]
     )
-    parts = []
-    for grid in moves.grids:
-        first = grid.start + skew
-        near = np.flatnonzero((trace.time > first) & (trace.time < first + K * moves.h))
-        near = np.arange(max(0, near[0] - 4), min(near[-1] + 5, len(trace)))
-        error = CubicSpline(trace.time[near], np.diag(size[near])).antiderivative()
-        parts.append((first, error, len(near)))
-    out = np.zeros((max(count for _, _, count in parts), T, K, 5))
-    for t, (first, error, count) in enumerate(parts):
-        out[:count, t] = coefficients_of_many(error, first, moves.h, K)
-    return out
-
-
-def coefficients_of_many(position: CubicSpline, start: float, h: float, K: int) -> FloatArray:
-    """As driven_motion.coefficients, of S motions at once: (S, K, 5); they begin at zero."""
-    t = start + h * np.arange(K + 1)
-    x, v, a = (np.asarray(position(t, nu)).T for nu in range(3))
-    x = x - x[:, :1]
-    mean, first, last = np.diff(v) / h, a[:, :-1], a[:, 1:]
-    bend = (6.0 * mean - 4.0 * first - 2.0 * last) / h
-    return np.stack((x[:, :-1], v[:, :-1], first, bend, 6.0 * (first + last - 2.0 * mean) / h**2), axis=-1)
+    starts = [grid.start + skew for grid in moves.grids]
+    return errors_of_samples(trace.time, size, starts, moves.h, K)
 
 
 def expected_errors(
