@@ -34,9 +34,22 @@ SMALL, MATTERS = 1.6, (1e-6, 0.02)
 is an impurity too small to matter, as long as it, named or not, leaves next to nothing; but an effect that alone
 explains more than this, if only in the moves that were not fitted, is a finding, and so is one that is in no sound
 machine and alone explains what shows in all moves (chosen)."""
-COMMON = frozenset({"transmission_ripple", "contact_nonlinearity"})
+COMMON: Mapping[str, tuple[str, float]] = {
+    "transmission_ripple": ("ripple_amplitude", np.inf),
+    "contact_nonlinearity": ("bend", 0.2),
+}
 """What every rack and every flank has a little of, and what is therefore no finding where it does not change the
-backlash, unless it is the whole explanation of more than such impurities leave."""
+backlash, unless it is the whole explanation of more than such impurities leave; with the number that says how much, and
+the most that a sound machine has of it. Steel on steel in line contact has a bend of 1/9; twice that is none. A mesh
+has no such limit: a slow error may be large."""
+SURELY = 2.0
+"""Standard deviations by which a number is beyond what a sound machine has."""
+CLEARLY = 0.75
+"""Share of the excess variance that an effect explains by itself which is in no sound machine and shows in all moves
+(chosen; what imitates something else explains half of it)."""
+WHOLLY = 0.98
+"""Share from which on an effect is named whatever it leaves: it has predicted moves that nobody has fitted, and what is
+left is how its law differs from the machine's (chosen)."""
 CHANGED = 4.0
 """Held-out RMS from which on the machine is not what it was in the train recordings, however well it fits these: what
 impurities too small to matter leave there is less, and so does what has its right name (chosen)."""
@@ -90,19 +103,34 @@ def finding_of(selection: Selection[Explained]) -> tuple[Finding, tuple[str, ...
         return nothing, ()
     alone = len(effects) == 1 and explained(before, after)
     if not _matters(selection):
-        seen = max(before.train_rms, before.validation_rms)
-        common = COMMON.issuperset(effects)
-        clear = seen > SMALL or (not common and left(before) > LEFT_BY_CLEAN)
-        if _little(before) and not (alone and clear):
+        common = _common(selection)
+        seen = max(before.train_rms, before.validation_rms) > SMALL
+        uncommon = not common and left(before) > LEFT_BY_CLEAN
+        clear = uncommon and len(effects) == 1 and explained(before, after, CLEARLY)
+        if _little(before) and not (alone and seen) and not clear:
             return nothing, ()
         everything = before.validation_rms > CHANGED and shown(after) <= LEFT_BY_CLEAN
         if common and not everything:
             return "none", ()
     error = left if len(effects) == 1 else shown
     near = error(after) <= (LEFT_BY_ONE if alone else LEFT) and after.validation_rms <= CHANGED
-    if near and explained(before, after, PART):
+    wholly = alone and after.train_rms <= LEFT and explained(before, after, WHOLLY)
+    if wholly or (near and explained(before, after, PART)):
         return "effect", effects
     return "unknown", ()
+
+
+def _common(selection: Selection[Explained]) -> bool:
+    """Whether all that was found is what every sound machine has, and as much as such a machine may have."""
+    if not COMMON.keys() >= set(selection.effects):
+        return False
+    numbers = _deviations(selection.after.model.fitted)
+    for effect in selection.effects:
+        number, most = COMMON[effect]
+        of_axes = [both for name, both in numbers.items() if name.rpartition(".")[2] == number]
+        if any(abs(value) - SURELY * std > most for value, std in of_axes):
+            return False
+    return True
 
 
 def _matters(selection: Selection[Explained]) -> bool:
@@ -126,6 +154,7 @@ def _report(one: Explained, axis: int) -> ErrorReport:
     lagged = errors[:, :-1] * errors[:, 1:]
     train = _train_errors(one.fitted, axis)
     b, std = backlash_of(one.fitted, axis)
+    std *= max(1.0, rms(held.weighed[:, axis]))
     return ErrorReport(
         train_rms=rms(train) * noise,
         validation_rms=rms(errors),
