@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from service.dynamics.effects.driven_transmission import TYPICAL_PUSH
 from service.identification.explanation import (
     AxisExplanation,
     ErrorReport,
@@ -34,6 +35,11 @@ SMALL, MATTERS = 1.6, (1e-6, 0.02)
 is an impurity too small to matter, as long as it, named or not, leaves next to nothing; but an effect that alone
 explains more than this, if only in the moves that were not fitted, is a finding, and so is one that is in no sound
 machine and alone explains what shows in all moves (chosen)."""
+LAW = 0.5
+"""Standard deviation of where a bent flank begins to push, over its bend and the depth at which its force is the
+sensor's noise. Chosen: what the law of its force is at smaller depths no sample shows, and the stronger it is bent, the
+farther from each other the laws that are alike above."""
+
 COMMON: Mapping[str, tuple[str, float]] = {
     "transmission_ripple": ("ripple_amplitude", np.inf),
     "contact_nonlinearity": ("bend", 0.2),
@@ -214,7 +220,8 @@ def backlash_of(found: Fitted, axis: int) -> tuple[float, float]:
         k, place = names.index(f"{name}.gap_slope"), crossing(found, axis)
         b, gradient[k] = b + found.value(names[k]) * place, slope_of(found, k) * place
     floor, share = STRUCTURE
-    variance = float(gradient @ covariance(found) @ gradient) + (SPLIT * clearance_beside(found, axis)) ** 2
+    laws = (SPLIT * clearance_beside(found, axis)) ** 2 + (LAW * unseen_depth(found, axis)) ** 2
+    variance = float(gradient @ covariance(found) @ gradient) + laws
     return b, float(np.hypot(np.sqrt(variance), max(1.0, found.rms) * np.hypot(floor, share * b)))
 
 
@@ -224,6 +231,17 @@ def clearance_beside(found: Fitted, axis: int) -> float:
     if f"{name}.clearance" not in {p.name for p in found.model.parameters}:
         return 0.0
     return found.value(f"{name}.backlash") + found.value(f"{name}.clearance")
+
+
+def unseen_depth(found: Fitted, axis: int) -> float:
+    """How deep a bent flank is pressed [m] until its force is the sensor's noise, times its bend; 0 where it is not
+    bent."""
+    name = found.model.axes[axis]
+    if f"{name}.bend" not in {p.name for p in found.model.parameters}:
+        return 0.0
+    bend, k = found.value(f"{name}.bend"), found.value(f"{name}.contact_stiffness")
+    noise = float(found.moves[0].noise[axis])
+    return abs(bend) * TYPICAL_PUSH / k * float((noise / TYPICAL_PUSH) ** (1.0 / (1.0 + bend)))
 
 
 def crossing(found: Fitted, axis: int) -> float:

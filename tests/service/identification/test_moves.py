@@ -11,8 +11,8 @@ import pytest
 from service.captures import read_capture
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_library import DRIVEN
-from service.dynamics.effects.driven_transmission import DrivenClearance
-from service.identification.axis_verdict import backlash_of, clearance_beside
+from service.dynamics.effects.driven_transmission import DrivenBentContact, DrivenClearance
+from service.identification.axis_verdict import backlash_of, clearance_beside, unseen_depth
 from service.identification.expected_errors import WAYS, expected_errors, speed_errors, wander_of
 from service.identification.held_out import held_out, told_by_train
 from service.identification.moves import (
@@ -322,3 +322,15 @@ def test_how_two_gaps_divide_their_sum_is_in_the_interval_of_the_backlash(found:
     assert clearance_beside(both, 0) == pytest.approx(whole)
     assert clearance_beside(found, 0) == 0.0
     assert std > 0.25 * whole > 10.0 * backlash_of(found, 0)[1]
+
+
+def test_where_a_bent_flank_begins_to_push_is_in_the_interval_of_the_backlash(found: Fitted) -> None:
+    """What lies below the noise no sample shows; a straight flank begins where its line does."""
+    model = replace(found.model, effects=(*found.model.effects, DrivenBentContact(("X1",))))
+    k, bend, push = 6e4, 0.6, 4.0
+    values = values_at(found) | {"X1.bend": bend, "X1.contact_stiffness": k}
+    bent = fit(found.moves, model, point_at(model, values, found.moves), 0)
+    depth = unseen_depth(bent, 0) / bend
+    assert k * depth * (depth / (push / k)) ** bend == pytest.approx(found.moves[0].noise[0])
+    assert backlash_of(bent, 0)[1] > 0.5 * bend * depth
+    assert unseen_depth(found, 0) == 0.0
