@@ -18,8 +18,8 @@ from service.dynamics.driven_model import Model
 from service.identification.moves import REST_SPREAD, Moves, misfits, predict, with_reconstructed_motion
 from service.recording import FloatArray
 
-DIFFERENCE = 1e-4
-"""Step of the difference quotients in the fit's coordinates."""
+DIFFERENCE = 1e-6
+"""Step of the difference quotients in the fit's coordinates, as in the estimator."""
 FAR = 5.0
 """How far a shared coordinate may go from its prior's centre."""
 OVERFLOWN = 1e8
