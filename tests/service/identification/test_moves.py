@@ -132,6 +132,19 @@ def test_a_wander_of_a_few_ways_is_whitened_to_the_identity() -> None:
     )  # a simulation that ran away stays one
 
 
+def test_slopes_are_those_of_a_point_and_not_of_a_way(found: Fitted) -> None:
+    """Where slopes of many numbers cancel along a valley, a hundredth of them is a wall."""
+    k = [p.name for p in found.model.parameters].index("X1.backlash")
+    J = jacobian(found.moves, found.model, found.at, every(found.model))[1].shared[:, k]
+    sides = []
+    for step in (1e-6, -1e-6):
+        shared = found.at.shared.copy()
+        shared[k] += step
+        sides.append(fit(found.moves, found.model, Point(shared, found.at.local), 0).r)
+    central = (sides[0] - sides[1]) / 2e-6
+    assert np.linalg.norm(J - central) < 3e-5 * np.linalg.norm(central)
+
+
 def test_a_number_at_its_limit_has_the_slope_that_leads_away_from_it(found: Fitted) -> None:
     k = [p.name for p in found.model.parameters].index("X1.smear")
     limit = limits(found.model)[k]
