@@ -1,9 +1,9 @@
 """What the noise of a motor's speed moves a fit's backlash by.
 
 The model is driven by the measured speed. Its noise is an error of the input: integrated, the motor's position wanders
-by some 0.1 µm within a step, and stiff flanks turn that into accelerations. What of them looks like another machine the
-parameters take up, and no residual shows it; so each sample's own error is taken through the simulation, and what it
-moves the backlash by through the residuals' influence. The samples' errors are independent of each other.
+within a step, and stiff flanks turn that into accelerations. What of them looks like another machine the parameters
+take up, and no residual shows it; so each sample's own error is taken through the simulation, and what it moves the
+backlash by through the residuals' influence. The samples' errors are taken as independent of each other.
 """
 
 from __future__ import annotations

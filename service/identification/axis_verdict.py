@@ -52,7 +52,7 @@ SURELY = 2.0
 """Standard deviations by which a number is beyond what a sound machine has."""
 CLEARLY = 0.75
 """Share of the excess variance that an effect explains by itself which is in no sound machine and shows in all moves
-(chosen; what imitates something else explains half of it)."""
+(chosen)."""
 WHOLLY = 0.98
 """Share from which on an effect is named whatever it leaves: it has predicted moves that nobody has fitted, and what is
 left is how its law differs from the machine's (chosen)."""

@@ -14,12 +14,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from service.backlash.model_fit_problem import DIFFERENCE
 from service.dynamics.driven_model import Model
 from service.identification.moves import REST_SPREAD, Moves, misfits, predict, with_reconstructed_motion
 from service.recording import FloatArray
 
-DIFFERENCE = 1e-6
-"""Step of the difference quotients in the fit's coordinates, as in the estimator."""
 FAR = 5.0
 """How far a shared coordinate may go from its prior's centre."""
 OVERFLOWN = 1e8

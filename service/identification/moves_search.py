@@ -85,8 +85,8 @@ def as_contained(inner: Fitted, outer: Fitted) -> Fitted:
 
 
 def glanced_at(found: Fitted, brief: Brief) -> Fitted:
-    """What was fitted to a few moves of a fit, on all of them, only every move's zeros taken along: as far as one that
-    is far behind the best has to be known."""
+    """What was fitted to a few moves of a fit, on all of them: every move's zeros taken along, and one round of a fit.
+    As far as one that is far behind the best has to be known."""
     moves, held = unanswering(found.moves), np.zeros(0, dtype=np.int64)
     shared = shared_at(brief.model, brief.values)
     starts = (Point(shared, local) for local in (brief.local, widened(found.at.local, brief.model)))
@@ -208,10 +208,10 @@ def propose(
         found[name] = min(fitted, key=lambda f: f.rms)
         tell(f"tried {name}: {found[name].rms:.3f} (now {base.rms:.3f})")
     best = min(found.values(), key=lambda f: f.rms)
-    ground = ground_of(base, best)
-    for candidate in tried if best.rms < SECOND * base.rms else ():
-        if best.rms < SECOND * found[candidate.name].rms:
-            found[candidate.name] = seconded(ground, found[candidate.name], candidate)
+    behind = [c for c in tried if best.rms < SECOND * min(base.rms, found[c.name].rms)]
+    ground = ground_of(base, best) if behind else base
+    for candidate in behind:
+        found[candidate.name] = seconded(ground, found[candidate.name], candidate)
     for name in leading(found, PROMISING):
         found[name] = fit(found[name].moves, found[name].model, found[name].at, ROUNDS)
     for candidate in tried:

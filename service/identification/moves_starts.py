@@ -16,11 +16,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from service.backlash.model_fit_problem import DIFFERENCE
 from service.dynamics.driven_model import LINKS, DrivenEffect, Model
 from service.dynamics.driven_parameters import LINK_PARAMETERS
 from service.identification.moves import Moves, few_of, predict, residuals, some_of
 from service.identification.moves_fit import (
-    DIFFERENCE,
     Fitted,
     Point,
     costs_of_moves,
