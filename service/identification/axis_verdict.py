@@ -7,6 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from service.backlash.moves import Moves
+from service.backlash.moves_fit import Fitted
 from service.dynamics.effects.driven_transmission import TYPICAL_PUSH
 from service.identification.explanation import (
     AxisExplanation,
@@ -17,8 +19,6 @@ from service.identification.explanation import (
     SeparatingMove,
 )
 from service.identification.held_out import Explained, Held, rms
-from service.identification.moves import Moves
-from service.identification.moves_fit import Fitted
 from service.identification.scene import Scene
 from service.identification.selection import Selection, Trial, explained, left, shown
 from service.recording import FloatArray

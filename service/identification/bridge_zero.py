@@ -12,9 +12,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import PPoly
 
+from service.backlash.moves import Moves, misfits, some_of
+from service.backlash.moves_fit import Point, fit, resting, rests_found
 from service.dynamics.driven_model import Model
-from service.identification.moves import Moves, misfits, some_of
-from service.identification.moves_fit import Point, fit, resting, rests_found
 from service.recording import FloatArray
 
 MOVES = 4

@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from service.dynamics.driven_model import Model
-from service.identification.moves import Moves, early_part, predict
-from service.identification.moves_fit import (
+from service.backlash.moves import Moves, early_part, predict
+from service.backlash.moves_fit import (
     CLOSE_PLACES,
     Fitted,
     Free,
@@ -25,6 +24,7 @@ from service.identification.moves_fit import (
     resting,
     rests_found,
 )
+from service.dynamics.driven_model import Model
 from service.identification.moves_rests import KNOWN, how_known, swinging_on, swings_at_all
 from service.identification.scene import Scene
 from service.identification.selection import Trial, independent_samples

@@ -13,10 +13,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from service.backlash.moves import REST_SPREAD, Moves, Swings, free_values, left_over, simulated
+from service.backlash.moves_fit import Point
 from service.dynamics.driven_model import Model
 from service.dynamics.driven_motion import of_motors
-from service.identification.moves import REST_SPREAD, Moves, Swings, free_values, left_over, simulated
-from service.identification.moves_fit import Point
 from service.recording import FloatArray
 
 LONGEST = 4.0

@@ -9,10 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from service.dynamics.driven_model import DrivenEffect, Model
-from service.identification.held_out import NEAR, Explained, overdamped, trial_of
-from service.identification.moves import Moves
-from service.identification.moves_fit import (
+from service.backlash.moves import Moves
+from service.backlash.moves_begun import Values, point_at, shared_at
+from service.backlash.moves_fit import (
     CLOSE_PLACES,
     Fitted,
     Point,
@@ -23,6 +22,8 @@ from service.identification.moves_fit import (
     values_at,
     width,
 )
+from service.dynamics.driven_model import DrivenEffect, Model
+from service.identification.held_out import NEAR, Explained, overdamped, trial_of
 from service.identification.moves_rests import KNOWN, how_known, swinging_on, swings_at_all
 from service.identification.moves_starts import (
     BRIEF,
@@ -39,7 +40,7 @@ from service.identification.moves_starts import (
     unanswering,
     widened,
 )
-from service.identification.scene import Scene, Values, point_at, shared_at
+from service.identification.scene import Scene
 from service.identification.selection import Trial
 from service.recording import FloatArray
 

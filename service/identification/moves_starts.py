@@ -17,10 +17,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from service.backlash.model_fit_problem import DIFFERENCE
-from service.dynamics.driven_model import LINKS, DrivenEffect, Model
-from service.dynamics.driven_parameters import LINK_PARAMETERS
-from service.identification.moves import Moves, few_of, predict, residuals, some_of
-from service.identification.moves_fit import (
+from service.backlash.moves import Moves, few_of, predict, residuals, some_of
+from service.backlash.moves_begun import Values, point_at
+from service.backlash.moves_fit import (
     Fitted,
     Point,
     costs_of_moves,
@@ -28,7 +27,9 @@ from service.identification.moves_fit import (
     values_at,
     width,
 )
-from service.identification.scene import Scene, Values, point_at
+from service.dynamics.driven_model import LINKS, DrivenEffect, Model
+from service.dynamics.driven_parameters import LINK_PARAMETERS
+from service.identification.scene import Scene
 from service.recording import FloatArray
 
 SHAPES = 2

@@ -3,7 +3,7 @@ from which fits are started."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
@@ -15,25 +15,20 @@ from service.backlash.model_fit_data import measure
 from service.backlash.model_fit_gantry import gantry_fit
 from service.backlash.model_fit_stages import Staged, staged_fit
 from service.backlash.model_fit_start import closed_form
+from service.backlash.moves import TAIL, Moves, moves_of
+from service.backlash.moves_begun import Values, point_at, resettled, with_expected_errors
+from service.backlash.moves_fit import (
+    Fitted,
+    fit,
+    reconstructed,
+    values_at,
+)
 from service.dynamics.driven_effect import Case
 from service.dynamics.driven_model import LINKS, DrivenEffect, Model
 from service.dynamics.driven_parameters import Parameter
 from service.dynamics.driven_parameters import Values as SetValues
 from service.dynamics.effects.driven_bodies import MotorWander
 from service.identification.bridge_zero import bridge_zero, moved_to
-from service.identification.expected_errors import expected_errors
-from service.identification.moves import TAIL, Moves, moves_of
-from service.identification.moves_fit import (
-    CLOSE_PLACES,
-    FAR,
-    Fitted,
-    Point,
-    fit,
-    reconstructed,
-    resting,
-    rests_found,
-    values_at,
-)
 from service.identification.rest_spectrum import heard_at_rest
 from service.recording import FloatArray, Recording
 
@@ -50,8 +45,6 @@ NOT_SMOOTH = (
 )
 """Effects whose place in a fit has to be searched for; the others are added all at once for a start."""
 ROUNDS = 16
-
-Values = Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -175,17 +168,6 @@ def lumped(rich: Values, axis: str) -> Values:
     }
 
 
-def point_at(model: Model, values: Values, moves: Sequence[Moves]) -> Point:
-    """The point with these values, others at their typical value, every move's zero chosen among a few."""
-    return rests_found(moves, model, Point(shared_at(model, values), resting(moves, model)))
-
-
-def shared_at(model: Model, values: Values) -> FloatArray:
-    """Coordinates (P,) of these values, others at their typical value."""
-    shared = [float(p.internal(values[p.name])) if p.name in values else 0.0 for p in model.parameters]
-    return np.asarray(np.clip(np.nan_to_num(shared), -FAR, FAR), dtype=np.float64)
-
-
 def as_effects(rich: Values, axes: Sequence[str]) -> Values:
     """The estimator's free skew and constant force under the names that they have as effects."""
     named = {f"{a}.latency": -rich[f"{a}.skew"] for a in axes}
@@ -205,16 +187,6 @@ def smooth_fit(
     found = resettled(train, model, point_at(model, rich, train))
     found = fit(found.moves, model, found.at, ROUNDS)
     return fit(reconstructed(found), model, found.at, ROUNDS // 2)
-
-
-def resettled(moves: Sequence[Moves], model: Model, at: Point) -> Fitted:
-    """The moves' own coordinates fitted and the motors' motion reconstructed, with the shared coordinates held."""
-    held = np.zeros(0, dtype=np.int64)
-    found = fit(moves, model, at, 6, free=held)
-    for _ in range(2):
-        moves = reconstructed(found)
-        found = fit(moves, model, rests_found(moves, model, found.at, CLOSE_PLACES), 4, free=held)
-    return found
 
 
 def declared_fit(scene: Scene) -> Fitted:
@@ -258,10 +230,3 @@ def to_one_zero(recordings: Sequence[Moves], model: Model, place: Values) -> lis
     shared = point_at(model, place, recordings[:1]).shared
     zeros = [bridge_zero(part, model, shared) for part in recordings]
     return [moved_to(part, zero, zeros[0]) for part, zero in zip(recordings, zeros, strict=True)]
-
-
-def with_expected_errors(moves: Moves, found: Fitted, fitted: bool) -> Moves:
-    """The moves with the spread that a right model's residuals would have, judged at a fit."""
-    at = rests_found([moves], found.model, Point(found.at.shared, resting([moves], found.model)))
-    expected, wander = expected_errors(moves, found.model, at.shared, at.local[0], fitted=fitted)
-    return replace(moves, expected=expected, wander=wander)

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from service.backlash.moves import moves_of, some_of
+from service.backlash.moves_fit import Point, fit, resting, rests_found
 from service.captures import read_capture
 from service.dynamics.driven_model import Model
 from service.identification.bridge_zero import bridge_zero, moved_to
-from service.identification.moves import moves_of, some_of
-from service.identification.moves_fit import Point, fit, resting, rests_found
 from tests.undeclared.generate import Campaign, generate
 
 

@@ -8,14 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from service.captures import read_capture
-from service.dynamics.driven_model import Model
-from service.dynamics.effects.driven_library import DRIVEN
-from service.dynamics.effects.driven_transmission import DrivenBentContact, DrivenClearance
-from service.identification.axis_verdict import backlash_of, clearance_beside, unseen_depth
-from service.identification.expected_errors import WAYS, expected_errors, speed_errors, wander_of
-from service.identification.held_out import held_out, told_by_train
-from service.identification.moves import (
+from service.backlash.expected_errors import WAYS, expected_errors, speed_errors, wander_of
+from service.backlash.moves import (
     Moves,
     early_part,
     moves_of,
@@ -25,7 +19,8 @@ from service.identification.moves import (
     sample_noise,
     sensor_zero,
 )
-from service.identification.moves_fit import (
+from service.backlash.moves_begun import point_at
+from service.backlash.moves_fit import (
     Fitted,
     Point,
     as_alike_moves,
@@ -42,8 +37,14 @@ from service.identification.moves_fit import (
     values_at,
     within,
 )
+from service.captures import read_capture
+from service.dynamics.driven_model import Model
+from service.dynamics.effects.driven_library import DRIVEN
+from service.dynamics.effects.driven_transmission import DrivenBentContact, DrivenClearance
+from service.identification.axis_verdict import backlash_of, clearance_beside, unseen_depth
+from service.identification.held_out import held_out, told_by_train
 from service.identification.moves_search import steady
-from service.identification.scene import ChannelTolerance, as_effects, estimator_alone, point_at, smeared
+from service.identification.scene import ChannelTolerance, as_effects, estimator_alone, smeared
 from service.recording import FloatArray, Recording, Trace
 
 

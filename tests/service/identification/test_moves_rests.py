@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from service.backlash.moves import Moves, moves_of, predict
+from service.backlash.moves_begun import point_at
+from service.backlash.moves_fit import Fitted, Point, every, resting
 from service.captures import read_capture
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_bodies import DrivenHungMass, DrivenMachineBody, free_swing
 from service.dynamics.effects.driven_sensors import DrivenGain
 from service.identification.held_out import at_limits
-from service.identification.moves import Moves, moves_of, predict
-from service.identification.moves_fit import Fitted, Point, every, resting
 from service.identification.moves_rests import KNOWN, swinging_on
-from service.identification.scene import point_at
 
 MACHINE = {
     "X1.backlash": 8e-5,

@@ -9,12 +9,12 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from service.backlash.moves import moves_of
+from service.backlash.moves_fit import Point, fit, reconstructed
 from service.captures import read_capture
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_library import DRIVEN
 from service.identification import moves_search, moves_starts
-from service.identification.moves import moves_of
-from service.identification.moves_fit import Point, fit, reconstructed
 from service.identification.moves_search import leading, parted
 from service.identification.moves_starts import alike, softer_contact
 

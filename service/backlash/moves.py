@@ -15,6 +15,7 @@ import numpy as np
 from scipy.interpolate import PPoly
 from scipy.stats import norm
 
+from service.backlash.alike_moves import averaged as averaged_over
 from service.backlash.model_fit_data import KEPT, acceleration_of, bias_at_rest, reconstructed
 from service.dynamics.driven import Course, course_of
 from service.dynamics.driven_model import Model, Values
@@ -26,7 +27,6 @@ from service.dynamics.driven_motion import (
     sample_period,
 )
 from service.dynamics.driven_reconstruction import Balance, Echo, Load, answered, echo, window
-from service.identification.alike_moves import averaged as averaged_over
 from service.recording import FloatArray, Recording, Trace
 
 LEAD = 0.002

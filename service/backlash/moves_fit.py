@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.backlash.model_fit_problem import DIFFERENCE
+from service.backlash.moves import REST_SPREAD, Moves, misfits, predict, with_reconstructed_motion
 from service.dynamics.driven_model import Model
-from service.identification.moves import REST_SPREAD, Moves, misfits, predict, with_reconstructed_motion
 from service.recording import FloatArray
 
 FAR = 5.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from service.identification.alike_moves import averaged, groups
+from service.backlash.alike_moves import averaged, groups
 from service.recording import FloatArray, Move, Trace
 
 NOISE, COUNT, APART = 0.003, 10, 0.4405

@@ -16,9 +16,9 @@ from dataclasses import replace
 import numpy as np
 
 from service.backlash.model_fit_input_noise import errors_of_samples
+from service.backlash.moves import Moves, Wander, motor_coefficients, sample_noise, simulated
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_bodies import WANDERING
-from service.identification.moves import Moves, Wander, motor_coefficients, sample_noise, simulated
 from service.recording import FloatArray
 
 UNTRUSTED = 0.25
