@@ -33,7 +33,7 @@ OF_A_GANTRY: Mapping[str, tuple[str, str]] = {
 
 def by_products(fit: Fit, linear: Linearised, x: int) -> tuple[ByProduct, ...]:
     """By-products of axis x of a linearised fit; standard deviations by its covariance, enlarged by the misfit."""
-    model = linear.problem.model
+    model = linear.model
     axis, places = model.axes[x], {p.name: k for k, p in enumerate(model.parameters)}
     enlarged = float(np.sqrt(max(1.0, fit.misfit)))
     wanted = {f"{axis}.{name}": told for name, told in OF_AN_AXIS.items()} | dict(OF_A_GANTRY)
@@ -58,7 +58,7 @@ def drive_stiffness(fit: Fit, linear: Linearised, links: Sequence[str]) -> tuple
     """
     if not links:
         return ()
-    model = linear.problem.model
+    model = linear.model
     where = [[p.name for p in model.parameters].index(link) for link in links]
     each = np.array([fit.value(model, link) for link in links])
     k = 1.0 / float(np.sum(1.0 / each))

@@ -19,6 +19,7 @@ from service.backlash.interval import half_width_95
 from service.backlash.model_fit_beside import Beside
 from service.backlash.model_fit_data import Measured, measure
 from service.backlash.model_fit_gantry import gantry_fit
+from service.backlash.model_fit_impurity_sizes import by_evidence, likeliest_width
 from service.backlash.model_fit_input_noise import input_variance
 from service.backlash.model_fit_interval import (
     Linearised,
@@ -28,9 +29,7 @@ from service.backlash.model_fit_interval import (
     noise_variance,
     structure_variance,
 )
-from service.backlash.model_fit_mesh_size import by_evidence, likeliest_width
 from service.backlash.model_fit_profile import widened
-from service.backlash.model_fit_rivals import weighed
 from service.backlash.model_fit_single import single_fit
 from service.backlash.model_fit_stages import (
     HOPELESS,
@@ -40,7 +39,10 @@ from service.backlash.model_fit_stages import (
     backlashes,
 )
 from service.backlash.model_fit_start import closed_form
+from service.backlash.model_fit_whole_moves import Estimate, estimate, together, unsure, whole_moves
+from service.backlash.moves_fit import Fitted
 from service.backlash.results import AxisResult, Reason, Refusal, StepResult
+from service.dynamics.driven_model import Model
 from service.recording import FloatArray, Recording
 
 METHOD = "model_fit"
@@ -108,7 +110,10 @@ def model_fit_axes(recording: Recording, axis: str) -> dict[str, AxisResult]:
     best = staged.best
     linear = linearised(best.problem, best.fit.point)
     beside = Beside(best, linear, likeliest_width(linear, best.fit.misfit))
-    return {name: judged(recording, measured, staged, beside, x) for x, name in enumerate(axes)}
+    moves = None
+    if len(axes) == 1 and best.fit.misfit < MISFIT_LIMIT:
+        moves = whole_moves(recording, best) if unsure(linear, best.fit.misfit, coordinate(best, 0)) else None
+    return {name: judged(recording, measured, staged, beside, x, moves) for x, name in enumerate(axes)}
 
 
 def unfit_for_use(recording: Recording, axis: str, axes: tuple[str, ...]) -> AxisResult | None:
@@ -147,10 +152,10 @@ def unexplained(measured: Measured, outcome: Outcome) -> float:
     return float(excess / np.sqrt(np.mean(signal**2)))
 
 
-def far_out(outcome: Outcome) -> str | None:
-    """The impurity, in words, that no sound machine has so much of. On a gantry that of either axis: what one motion
-    bends to follow the recording, the other axis' value is bent with."""
-    for parameter, u in zip(outcome.problem.model.parameters, outcome.fit.point.shared, strict=True):
+def far_out(model: Model, shared: FloatArray) -> str | None:
+    """The impurity, in words, that no sound machine has so much of, by a model's coordinates (P,). On a gantry that of
+    either axis: what one motion bends to follow the recording, the other axis' value is bent with."""
+    for parameter, u in zip(model.parameters, shared, strict=True):
         axis, _, name = parameter.name.rpartition(".")
         if abs(u) > FAR_OUT and name == "bend":
             return f"the force of {axis}'s flanks is far from proportional to their depth"
@@ -195,7 +200,7 @@ def first_time(time: FloatArray, happened: FloatArray) -> float:
 
 
 def interval_half_width(
-    staged: Staged, fit: Linearised, x: int, steps: StepValues, unsure: float = 0.0
+    staged: Staged, fit: Linearised, x: int, steps: StepValues, beyond: float = 0.0
 ) -> float:
     """Half width of the 95 % interval [m] of axis x: what moves the fit's value, and the spread over its passes.
 
@@ -205,28 +210,38 @@ def interval_half_width(
     best, k = staged.best, coordinate(staged.best, x)
     value = float(backlashes(best.problem, best.fit)[x])
     crossed = np.where(np.isfinite(steps.t2), steps.b, np.nan)
-    variance = unsure + noise_variance(fit, k) + structure_variance(fit, k, best.fit.misfit)
+    variance = beyond + noise_variance(fit, k) + structure_variance(fit, k, best.fit.misfit)
     variance += disagreement(crossed, best.problem.s)
     as_good = best.fit.cost + 2.0 * max(1.0, best.fit.misfit)
     near = [float(backlashes(o.problem, o.fit)[x]) for o in staged.ends if o.fit.cost < as_good]
     return half_width_95(float(np.sqrt(variance)), DEGREES, near, value)
 
 
-def judged(recording: Recording, measured: Measured, staged: Staged, beside: Beside, x: int) -> AxisResult:
-    """Verdict, value and interval of axis x of the fit."""
+def judged(
+    recording: Recording,
+    measured: Measured,
+    staged: Staged,
+    beside: Beside,
+    x: int,
+    moves: Fitted | None = None,
+) -> AxisResult:
+    """Verdict, value and interval of axis x of the fit, and of one of whole moves where there is one."""
     best, name = staged.best, staged.best.problem.model.axes[x]
     k = coordinate(best, x)
     fit, spread = by_evidence(beside.linear, best.fit.misfit)
-    rivals = weighed(staged, x)
-    unsure = float(spread[k, k]) * fit.slope(k) ** 2 + rivals.variance
-    unsure += input_variance(measured, best, fit.influence(k))
-    value = float(best.problem.model.parameters[k].value(fit.at.shared[k])) + rivals.shift
+    variance = float(spread[k, k]) * fit.slope(k) ** 2 + input_variance(measured, best, fit.influence(k))
+    value = float(best.problem.model.parameters[k].value(fit.at.shared[k]))
     steps = step_values(best, fit, x)
     results = tuple(one_step(recording, steps, t) for t in range(len(recording.moves)))
-    doubted = doubt(measured, best, x, steps)
+    doubted = doubt(measured, best, x, steps, moves)
     if doubted:
         return refused(name, *doubted, results)
-    half = interval_half_width(staged, fit, x, steps, unsure)
+    half = interval_half_width(staged, fit, x, steps, variance)
+    if moves is not None:
+        of_moves = estimate(moves, DEGREES)
+        strange = far_out(best.problem.model, best.fit.point.shared)
+        taken = of_moves if strange else together(Estimate(value, half), of_moves)
+        value, half = taken.value, taken.half
     if len(best.problem.model.axes) == 2 and half < TOO_WIDE * value:
         # Where a partner holds the load a flank may be reached only just, in some steps, or in one direction.
         value, half = widened(partial(beside.rise, k), value, half, best.fit.misfit)
@@ -245,9 +260,14 @@ def judged(recording: Recording, measured: Measured, staged: Staged, beside: Bes
     )
 
 
-def doubt(measured: Measured, best: Outcome, x: int, steps: StepValues) -> Refusal | None:
-    """Why the model cannot be that of the machine, None where it can."""
-    share, strange = unexplained(measured, best), far_out(best)
+def doubt(
+    measured: Measured, best: Outcome, x: int, steps: StepValues, moves: Fitted | None = None
+) -> Refusal | None:
+    """Why the model cannot be that of the machine, None where it can. How large its impurities are, whole moves say
+    better where they were fitted."""
+    share = unexplained(measured, best)
+    at = best.fit.point if moves is None else moves.at
+    strange = far_out(best.problem.model if moves is None else moves.model, at.shared)
     if not best.fit.misfit < HOPELESS:
         return Refusal(
             Reason.MISFIT,

@@ -13,10 +13,10 @@ from functools import cached_property
 
 import numpy as np
 
+from service.backlash.model_fit_impurity_sizes import meshes, narrowed
 from service.backlash.model_fit_interval import Linearised
-from service.backlash.model_fit_mesh_size import meshes, narrowed
 from service.backlash.model_fit_problem import Point, fit, residuals_at
-from service.backlash.model_fit_stages import CONTESTED, Outcome
+from service.backlash.model_fit_stages import Outcome
 from service.recording import FloatArray
 
 ALIKE = 0.2
@@ -26,6 +26,9 @@ LITTLE = 0.3
 """And what it may differ by in any case: less than a standard deviation."""
 
 ROUNDS = 6
+
+INPUT_OFF = 1.5
+"""Misfit from which on the motors' motion is what is wrong, not the machine."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +51,7 @@ class Beside:
         rise = self.least(r, shared, held=k)[0] - self.lowest[0]
         away = u - self.linear.at.shared[k] - self.lowest[1][k]
         parabola = 0.5 * away**2 / float(np.linalg.inv(self.information)[k, k])
-        if self.best.fit.misfit > CONTESTED or abs(rise - parabola) < ALIKE * parabola + LITTLE:
+        if self.best.fit.misfit > INPUT_OFF or abs(rise - parabola) < ALIKE * parabola + LITTLE:
             return rise
         return self.fitted(k, value) - self.narrow.fit.cost
 

@@ -231,7 +231,7 @@ def impure(measured: Measured, found: Outcome, effort: Effort, motors: Reconstru
     """The fit of a few steps with what the axes do beyond the paper's model, the best of it and of drives that are as
     soft and heavy, differently shared out."""
     impure = with_impurities(found.problem, found.fit.point)
-    shared = differently_shared(*impure, effort, ONLY_NOISE)[0]
+    shared = differently_shared(*impure, effort, ONLY_NOISE)
     tried = passes(measured, shared.problem, shared.fit.point, effort.heavier, motors, STILL, AWAY)
     return min((shared, *tried), key=lambda o: o.fit.cost)
 

@@ -8,7 +8,7 @@ backlash by through the residuals' influence. The samples' errors are taken as i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -48,12 +48,12 @@ def errors_of_samples(
     return out
 
 
-def input_variance(measured: Measured, best: Outcome, influence: FloatArray) -> float:
-    """Variance of a parameter, in its unit squared, by the noise of the motors' speeds; `influence` (T, X, K) is what
-    a unit of every residual moves it by."""
-    problem, fit = best.problem, best.fit
-    T, X, K = influence.shape
-    still, total = predicted(problem, fit.point, np.zeros((1, T, K, X, 5))), 0.0
+def moved_by_samples(measured: Measured, outcome: Outcome) -> Iterator[FloatArray]:
+    """What one standard deviation of each speed sample does to the residuals of a fit, (S, T, X, K) for a few samples
+    at a time."""
+    problem, fit = outcome.problem, outcome.fit
+    T, X, _ = problem.local_shape
+    still = predicted(problem, fit.point, np.zeros((1, T, problem.samples, X, 5)))
     for x, axis in enumerate(measured.axes):
         speed = measured.recording.traces[axis, "motor_speed"]
         noise = speed_noise(speed, measured.recording.moves) * measured.recording.axis(axis).transmission
@@ -64,10 +64,24 @@ def input_variance(measured: Measured, best: Outcome, influence: FloatArray) -> 
         for part in np.array_split(errors, -(-len(errors) // problem.together)):
             shifts = np.zeros((*part.shape[:3], X, 5))
             shifts[:, :, :, x] = part
-            change = np.nan_to_num((predicted(problem, fit.point, shifts) - still) / problem.noise[:, None])
-            moved = np.einsum("stxk,txk,t->st", change, influence, problem.s)
-            total += float(np.sum(moved**2))
-    return total
+            yield np.nan_to_num((predicted(problem, fit.point, shifts) - still) / problem.noise[:, None])
+
+
+def input_variance(measured: Measured, best: Outcome, influence: FloatArray) -> float:
+    """Variance of a parameter, in its unit squared, by the noise of the motors' speeds; `influence` (T, X, K) is what
+    a unit of every residual moves it by."""
+    moved = (
+        np.einsum("stxk,txk,t->st", change, influence, best.problem.s)
+        for change in moved_by_samples(measured, best)
+    )
+    return sum(float(np.sum(part**2)) for part in moved)
+
+
+def expected_misfit(measured: Measured, outcome: Outcome) -> float:
+    """Misfit that a right machine would have before it is fitted, by its sensor's noise and that of the speeds."""
+    used = np.stack([grid.used for grid in outcome.problem.grids])
+    squares = sum(np.sum(change**2, axis=0) for change in moved_by_samples(measured, outcome))
+    return 1.0 + float(np.mean(np.asarray(squares)[used]))
 
 
 def predicted(problem: Problem, at: Point, shifts: FloatArray) -> FloatArray:

@@ -25,6 +25,8 @@ from typing import NamedTuple
 import numpy as np
 
 from service.backlash.model_fit_problem import DIFFERENCE, OVERFLOWN, Point, Problem, jacobian
+from service.dynamics.driven_model import Model
+from service.dynamics.driven_motion import StepGrid
 from service.recording import FloatArray
 
 LASTING = 0.004
@@ -55,24 +57,26 @@ class Step:
 
 @dataclass(frozen=True)
 class Linearised:
-    """The fit at its end: its steps and the inverse information on the shared coordinates (P, P)."""
+    """The fit of a model to the samples on some grids, at its end: its steps and the inverse information on the shared
+    coordinates (P, P)."""
 
-    problem: Problem
+    model: Model
+    grids: tuple[StepGrid, ...]
     at: Point
     steps: tuple[Step, ...]
     covariance: FloatArray
 
     def slope(self, k: int) -> float:
         """Unit of parameter k per unit of its coordinate."""
-        p, u = self.problem.model.parameters[k], self.at.shared[k]
+        p, u = self.model.parameters[k], self.at.shared[k]
         return float((p.value(u + 1e-4) - p.value(u - 1e-4)) / 2e-4)
 
     def field(self, of_step: list[FloatArray], fill: float) -> FloatArray:
         """Values (n,) of every step's residuals, in travel's direction, on the grid (T, X, K)."""
-        T, X, _ = self.problem.local_shape
-        out = np.full((T, X, self.problem.samples), fill)
-        for t, (step, value) in enumerate(zip(self.steps, of_step, strict=True)):
-            out[t, step.axis, step.sample] = self.problem.s[t] * value
+        K = max(grid.measured.shape[1] for grid in self.grids)
+        out = np.full((len(self.grids), len(self.model.axes), K), fill)
+        for t, (grid, step, value) in enumerate(zip(self.grids, self.steps, of_step, strict=True)):
+            out[t, step.axis, step.sample] = float(grid.s) * value
         return out
 
     @property
@@ -90,17 +94,28 @@ def linearised(problem: Problem, at: Point) -> Linearised:
     """The fit linearised at its end; everything is free there."""
     _, r, J = jacobian(problem, at)
     J = gentler(J, jacobian(problem, at, -DIFFERENCE)[2])
-    r = np.clip(np.nan_to_num(r), -OVERFLOWN, OVERFLOWN)
-    step_of, axis, sample = np.nonzero(np.stack([grid.used for grid in problem.grids]))
     P, L = len(at.shared), at.local[0].size
-    steps, information = [], np.eye(P)
-    for t in range(len(problem.grids)):
-        rows = step_of == t
-        shared, own = J[rows, :P], J[rows, P + t * L : P + (t + 1) * L]
-        cleared = shared - own @ np.linalg.solve(own.T @ own + np.eye(L), own.T @ shared)
-        information += shared.T @ cleared
-        steps.append(Step(axis[rows], sample[rows], r[rows], shared, own, cleared))
-    return Linearised(problem, at, tuple(steps), np.asarray(np.linalg.inv(information), dtype=np.float64))
+    step_of = np.nonzero(np.stack([grid.used for grid in problem.grids]))[0]
+    own = np.concatenate([J[step_of == t, P + t * L : P + (t + 1) * L] for t in range(len(problem.grids))])
+    return from_slopes(problem.model, problem.grids, at, r, J[:, :P], own)
+
+
+def from_slopes(
+    model: Model, grids: tuple[StepGrid, ...], at: Point, r: FloatArray, shared: FloatArray, own: FloatArray
+) -> Linearised:
+    """A fit by its residuals (n,), step after step, and their derivatives by the shared coordinates (n, P) and by those
+    of each residual's own step (n, L)."""
+    r = np.clip(np.nan_to_num(r), -OVERFLOWN, OVERFLOWN)
+    step_of, axis, sample = np.nonzero(np.stack([grid.used for grid in grids]))
+    steps, information = [], np.eye(shared.shape[1])
+    for t in range(len(grids)):
+        of = step_of == t
+        S, mine = shared[of], own[of]
+        cleared = S - mine @ np.linalg.solve(mine.T @ mine + np.eye(mine.shape[1]), mine.T @ S)
+        information += S.T @ cleared
+        steps.append(Step(axis[of], sample[of], r[of], S, mine, cleared))
+    covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
+    return Linearised(model, grids, at, tuple(steps), covariance)
 
 
 def gentler(forward: FloatArray, backward: FloatArray) -> FloatArray:
@@ -138,7 +153,7 @@ def local_sum(value: FloatArray, width: FloatArray) -> FloatArray:
 def noise_variance(fit: Linearised, k: int) -> float:
     """Variance of parameter k by the residuals as they are: what differs from step to step, and what repeats beyond the
     share that the differing leaves in the mean of the steps."""
-    residual, influence, h = fit.residual, fit.influence(k), fit.problem.grids[0].h
+    residual, influence, h = fit.residual, fit.influence(k), fit.grids[0].h
     T = len(residual)
     counted = np.maximum(np.sum(np.isfinite(residual), axis=0), 1)
     seen = np.any(np.isfinite(residual), axis=0)
@@ -159,7 +174,7 @@ def structure_variance(fit: Linearised, k: int, misfit: float) -> float:
     samples = sum(len(step.r) for step in fit.steps)
     excess = max(0.0, misfit - 1.0 - np.sqrt(2.0 / samples))
     together = np.sum(fit.influence(k), axis=0)
-    lag = np.arange(together.shape[1]) * fit.problem.grids[0].h
+    lag = np.arange(together.shape[1]) * fit.grids[0].h
     alike = np.exp(-np.abs(lag[:, None] - lag) / LASTING)
     return float(excess * sum(float(row @ alike @ row) for row in together))
 

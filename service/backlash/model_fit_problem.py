@@ -391,13 +391,3 @@ def finished(problem: Problem, at: Point, response: Response, r: FloatArray) -> 
     r = np.clip(np.nan_to_num(r, nan=OVERFLOWN), -OVERFLOWN, OVERFLOWN)
     misfit = float(r @ r) / max(1, len(r) - sum(problem.free) - at.local.size)
     return Fit(at, response, misfit, cost(problem, at, r, 1.0))
-
-
-def information(problem: Problem, at: Point) -> FloatArray:
-    """(P, P) on the shared coordinates by the noise and the priors, the local ones following; nothing on those that are
-    not free."""
-    _, _, J = jacobian(problem, at)
-    H, F, free = J.T @ J + np.eye(J.shape[1]), sum(problem.free), np.flatnonzero(problem.free)
-    out = np.zeros((len(problem.free), len(problem.free)))
-    out[np.ix_(free, free)] = H[:F, :F] - H[:F, F:] @ np.linalg.solve(H[F:, F:], H[F:, :F])
-    return out

@@ -1,8 +1,8 @@
 """The stages of a single axis' fit around those of model_fit_stages: a further search, and a motor that follows.
 
 The search is done once more from other random machines where the first one comes nowhere near on the few steps. What
-is left above the noise over all steps may be the motor's motion between its samples: then further passes follow in
-which it obeys all that its samples, its torque and the force say together.
+is left above the noise over all steps, the speed's too, may be the motor's motion between its samples: then further
+passes follow in which it obeys all that its samples, its torque and the force say together.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from service.backlash.model_fit_data import Measured, problem_of
+from service.backlash.model_fit_input_noise import expected_misfit
 from service.backlash.model_fit_motion import with_following_motors
 from service.backlash.model_fit_problem import Problem, fit
 from service.backlash.model_fit_stages import (
@@ -69,10 +70,11 @@ def searched_again(measured: Measured, problem: Problem, guesses: dict[str, Gues
 
 
 def followed(measured: Measured, found: Staged) -> Staged:
-    """The same with passes in which the motor follows, where more than noise is left and for as long as each is better
-    than the one before by more than a little."""
+    """The same with passes in which the motor follows, where more than noise is left, of the speed too, and for as long
+    as each is better than the one before by more than a little."""
     best, ends = found.best, list(found.ends)
-    for rounds in FOLLOWING if FOLLOWED < best.fit.misfit < HOPELESS else ():
+    suspected = FOLLOWED < best.fit.misfit < HOPELESS and best.fit.misfit > expected_misfit(measured, best)
+    for rounds in FOLLOWING if suspected else ():
         motors = with_following_motors(measured, replace(best.problem, echoes=()), best.fit)
         end = Outcome(motors, fit(motors, best.fit.point, rounds, 0.3, dearest=best.fit.cost))
         gained = best.fit.cost - end.fit.cost

@@ -13,7 +13,7 @@ import numpy as np
 
 from service.backlash.model_fit_data import Measured, problem_of, with_reconstructed_motion
 from service.backlash.model_fit_impurities import impurities
-from service.backlash.model_fit_problem import Fit, Point, Problem, fit, information
+from service.backlash.model_fit_problem import Fit, Point, Problem, fit
 from service.backlash.model_fit_start import SEARCH_STEPS, Guess, best_starts, candidates
 from service.dynamics.driven_model import LINKS, Model
 from service.recording import FloatArray
@@ -43,18 +43,6 @@ GLIMPSE, PROMISING = 2, 2
 """Rounds that each sharing is fitted for, and how many of them go on."""
 
 
-APART = 3.0
-"""Standard deviations from which on two fits are two minima."""
-
-CONTESTED = 1.5
-"""Misfit up to which other sharings are fitted to all steps: beyond it, the input or the structure is what is wrong."""
-
-RIVALS = (3, 6)
-"""Rounds over all steps from another sharing: with the best one's motors, and with its own."""
-
-BEHIND = 30.0
-"""How much dearer than the best another sharing may be after its first rounds to go on: they gain some tens."""
-
 SOUND = 1.0
 """Prior deviations within which a drive's masses and damping begin where it cannot be simulated otherwise: so light a
 pinion swings too fast for the grid."""
@@ -72,7 +60,7 @@ SETTLED = 8
 """Cycles of settling over all steps, each of which has to gain."""
 
 GOOD = 1.15
-"""Misfit at which no further start is tried: only noise is left."""
+"""Misfit at which no further start and no other sharing is tried: only noise is left."""
 
 
 @dataclass(frozen=True)
@@ -114,13 +102,11 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Staged:
-    """best : of all steps; ends : of each pass over all steps that led to it; starts : of each start over a few steps;
-    rivals : of all steps from other sharings of the drive."""
+    """best : of all steps; ends : of each pass over all steps that led to it; starts : of each over a few steps."""
 
     best: Outcome
     ends: list[Outcome]
     starts: list[Outcome]
-    rivals: tuple[Outcome, ...] = ()
 
 
 Reconstruction = Callable[[Measured, Problem, Fit], Problem]
@@ -282,38 +268,18 @@ def staged_fit(measured: Measured, model: Model, guesses: dict[str, Guess], effo
 
 def refined(measured: Measured, problem: Problem, starts: list[Outcome], effort: Effort) -> Staged:
     """The fit of all steps from the best of the starts; a single axis' impurities are freed with it, and other sharings
-    of its drive are fitted too."""
-    begin, others = starts[0], list[Outcome]()
+    of its drive are tried."""
+    begin = starts[0]
     if len(measured.axes) == 1:
         problem, _ = with_impurities(problem, begin.fit.point, fine=True)
-        begin, *others = differently_shared(*with_impurities(begin.problem, begin.fit.point), effort)
+        begin = differently_shared(*with_impurities(begin.problem, begin.fit.point), effort, GOOD)
     at = Point(begin.fit.point.shared, repeated(problem, begin.fit.point.local))
     ends = over_all_steps(measured, problem, at, effort)
     if not lowest(ends).fit.misfit < HOPELESS:  # too light for the finer contact
         ends = over_all_steps(
             measured, problem, Point(sound_drives(problem.model, at.shared), at.local), effort
         )
-    return contested(measured, ends, starts, others)
-
-
-def contested(
-    measured: Measured, ends: list[Outcome], starts: list[Outcome], others: list[Outcome]
-) -> Staged:
-    """The best of passes over all steps and of fits from other sharings, which begin with the motors' motion of the
-    best. Where more than noise is left, the sharing is not what is wrong."""
-    best = lowest(ends)
-    if best.fit.misfit > CONTESTED:
-        return Staged(best, ends, starts)
-    tracks = [ends]
-    sharp = information(best.problem, best.fit.point) if others else np.zeros(0)
-    for other in others:
-        begun = fit(best.problem, Point(other.fit.point.shared, best.fit.point.local), RIVALS[0], 1.0)
-        if begun.cost < best.fit.cost + BEHIND and apart(begun, best.fit, sharp):
-            problem = following_force(measured, best.problem, begun)
-            again = Outcome(problem, fit(problem, begun.point, RIVALS[1], 0.3))
-            tracks.append([Outcome(best.problem, begun), again])
-    first, *rest = sorted(tracks, key=lambda track: lowest(track).fit.cost)
-    return Staged(lowest(first), first, starts, tuple(lowest(track) for track in rest))
+    return Staged(lowest(ends), ends, starts)
 
 
 def lowest(ends: list[Outcome]) -> Outcome:
@@ -327,32 +293,20 @@ def over_all_steps(measured: Measured, problem: Problem, begin: Point, effort: E
     return passes(measured, problem, begin, effort.refine, following_force, dearer=DIVERGING)
 
 
-def differently_shared(few: Problem, begin: Point, effort: Effort, enough: float = 0.0) -> list[Outcome]:
-    """Fits on the few steps from a point and from chains that are as soft and as heavy as it, differently shared out:
-    the best first, and those that are not the same minimum as one before. None is tried at a misfit of `enough`.
+def differently_shared(few: Problem, begin: Point, effort: Effort, enough: float = 0.0) -> Outcome:
+    """The best of fits on the few steps from a point and from chains that are as soft and as heavy as it, differently
+    shared out. None is tried at a misfit of `enough`.
 
     Which part of the drive is soft and which is heavy shows in little but the onset of the contact, and each sharing
     has a minimum of its own: fitted without impurities, a bent contact is taken for a stiff one on a soft pinion.
     """
     found = fit(few, begin, effort.brief, 0.3)
     if not effort.sharings or found.misfit < enough:
-        return [Outcome(few, found)]
+        return Outcome(few, found)
     points = [Point(shared_out(few.model, found.point.shared, *way), found.point.local) for way in SHARINGS]
     begun = sorted((fit(few, point, GLIMPSE, 1.0) for point in points), key=lambda f: f.cost)
     ends = [found, *(fit(few, f.point, effort.brief, 0.3) for f in begun[:PROMISING])]
-    kept, sharp = list[Fit](), list[FloatArray]()
-    for end in sorted(ends, key=lambda f: f.cost):
-        if all(apart(end, *other) for other in zip(kept, sharp, strict=True)):
-            kept.append(end)
-            sharp.append(information(few, end.point))
-    return [Outcome(few, end) for end in kept]
-
-
-def apart(one: Fit, other: Fit, sharp: FloatArray) -> bool:
-    """Whether two fits of one problem are further apart than the noise makes them; `sharp` (P, P) is the information
-    at the other."""
-    difference = one.point.shared - other.point.shared
-    return float(difference @ sharp @ difference) > APART**2
+    return Outcome(few, min(ends, key=lambda f: f.cost))
 
 
 def shared_out(

@@ -67,7 +67,7 @@ def beside(misfit: float = 1.0) -> Beside:
     index = np.arange(N)
     steps = [Step(index, index, *of) for of in zip(left, S, OWN, cleared, strict=True)]
     information = np.eye(3) + sum(s.T @ c for s, c in zip(S, cleared, strict=True))
-    fit = Linearised(problem, at, tuple(steps), np.linalg.inv(information))
+    fit = Linearised(problem.model, (), at, tuple(steps), np.linalg.inv(information))
     best = SimpleNamespace(problem=problem, fit=SimpleNamespace(misfit=misfit))
     return Beside(cast(Outcome, best), fit, WIDTH)
 

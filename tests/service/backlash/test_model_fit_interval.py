@@ -48,10 +48,8 @@ def test_lost_samples_leave_the_variance_alone() -> None:
 
 def left(residual: FloatArray) -> Linearised:
     """As much of a linearised fit as its residuals (T, K) are judged by."""
-    problem = SimpleNamespace(grids=[SimpleNamespace(h=H)])
-    fit = SimpleNamespace(
-        residual=residual[:, None], problem=problem, influence=lambda k: influences()[:, None]
-    )
+    grids = [SimpleNamespace(h=H)]
+    fit = SimpleNamespace(residual=residual[:, None], grids=grids, influence=lambda k: influences()[:, None])
     return cast(Linearised, fit)
 
 
@@ -76,8 +74,8 @@ def test_what_repeats_in_every_step_does_not_average_out() -> None:
 def linear(influence: FloatArray, samples: int) -> Linearised:
     """As much of a linearised fit as the structure asks for; one axis."""
     steps = [SimpleNamespace(r=np.zeros(samples // T)) for _ in range(T)]
-    problem = SimpleNamespace(grids=[SimpleNamespace(h=H)])
-    fit = SimpleNamespace(steps=steps, problem=problem, influence=lambda k: influence[:, None])
+    grids = [SimpleNamespace(h=H)]
+    fit = SimpleNamespace(steps=steps, grids=grids, influence=lambda k: influence[:, None])
     return cast(Linearised, fit)
 
 

@@ -89,9 +89,19 @@ def test_the_motor_follows_as_long_as_that_is_better(
         return outcome(next(later)).fit
 
     monkeypatch.setattr(single, "with_following_motors", lambda measured, problem, found: problem)
+    monkeypatch.setattr(single, "expected_misfit", lambda measured, found: 1.0)
     monkeypatch.setattr(single, "fit", fitted)
     first = outcome(misfits[0])
     found = single.followed(None, Staged(first, [first], [first]))  # type: ignore[arg-type]
     assert [end.fit.misfit for end in found.ends] == ends
     assert found.best.fit.misfit == min(ends)
     assert dearest == [1000.0 * misfit for misfit in misfits[:-1]][: len(dearest)]
+
+
+def test_no_motor_follows_where_the_noise_of_its_speed_is_all_that_is_left(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(single, "expected_misfit", lambda measured, found: 5.0)
+    first = outcome(4.6)
+    found = single.followed(None, Staged(first, [first], [first]))  # type: ignore[arg-type]
+    assert found.ends == [first]

@@ -1,15 +1,17 @@
-"""How large a machine's mesh error is, by its own recording, and the backlash that goes with it.
+"""How large a machine's impurities are, by its own recording, and the backlash that goes with them.
 
-The slope of the mesh's error at the middle of the stroke is hardly to be told from the backlash, and under a prior as
-wide as MESH that costs up to a micrometre, on clean machines too. But an error of that size is bent as well, and its
-bows shake the load: the recording says how large the error of this machine is. So the prior's width is unknown too. For
-each of a few widths the fit at its end, taken linear, says what the backlash would be and how likely the recording is;
-the backlash is their mean by those likelihoods (a hierarchical prior, its width evenly in the logarithm).
+The slope of the mesh's error at the middle of the stroke is hardly to be told from the backlash, nor is how a flank's
+force is bent where the sensor is noisy, and under priors as wide as MESH and BEND either costs up to a micrometre, on
+clean machines too. But a mesh's error of that size is bent as well, and its bows shake the load: the recording says
+how large the error of this machine is. So the priors' widths are unknown too. For each of a few the fit at its end,
+taken linear, says what the backlash would be and how likely the recording is; the backlash is their mean by those
+likelihoods (a hierarchical prior, its widths evenly in the logarithm).
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -24,19 +26,20 @@ from service.dynamics.driven_model import Model
 from service.recording import FloatArray
 
 WIDTHS = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0)
-"""Of the mesh errors' prior, over that of the fit. The least is 0.2 µm: it moves no backlash any more."""
+"""Of the impurities' priors, over those of the fit. The least is a mesh error of 0.2 µm: it moves no backlash any more.
+"""
 
 ROUNDS = 4
 
 
 class Weighed(NamedTuple):
-    """What a linearised fit says under each of the W widths.
+    """What a linearised fit says under each pair of W widths, those of the mesh errors and of the bends.
 
     Attributes
     ----------
-    share : (W,) how likely each is, together 1
-    moved : (W, P) what it moves the shared coordinates by
-    covariance : (W, P, P) of them at true noise
+    share : (W·W,) how likely each pair is, together 1, the widths of the mesh errors slowest
+    moved : (W·W, P) what it moves the shared coordinates by
+    covariance : (W·W, P, P) of them at true noise
     """
 
     share: FloatArray
@@ -45,17 +48,18 @@ class Weighed(NamedTuple):
 
 
 def weighed(fit: Linearised, misfit: float) -> Weighed:
-    """The linearised fit under every width. Residuals are taken as large as they are: the likelihood of a fit with a
-    `misfit` above 1 is that much flatter."""
-    u, mesh = fit.at.shared, meshes(fit.problem.model)
+    """The linearised fit under every pair of widths. Residuals are taken as large as they are: the likelihood of a fit
+    with a `misfit` above 1 is that much flatter."""
+    u, mesh, bend = fit.at.shared, meshes(fit.model), bends(fit.model)
     information = np.linalg.inv(fit.covariance) / max(1.0, misfit)
     moved, covariances, weights = [], [], []
-    for width in WIDTHS:
-        tighter = np.where(mesh, width**-2 - 1.0, 0.0)
+    for of_mesh, of_bend in product(WIDTHS, WIDTHS if np.any(bend) else WIDTHS[-1:]):
+        width = np.where(mesh, of_mesh, np.where(bend, of_bend, 1.0))
+        tighter = width**-2.0 - 1.0
         covariance = np.linalg.inv(information + np.diag(tighter))
         step = -covariance @ (tighter * u)
         cost = 0.5 * step @ information @ step + 0.5 * np.sum(tighter * (u + step) ** 2)
-        volume = 0.5 * np.linalg.slogdet(covariance)[1] - np.sum(mesh) * np.log(width)
+        volume = 0.5 * np.linalg.slogdet(covariance)[1] - np.sum(np.log(width))
         moved.append(step)
         covariances.append(covariance / max(1.0, misfit))
         weights.append(volume - cost)
@@ -66,6 +70,11 @@ def weighed(fit: Linearised, misfit: float) -> Weighed:
 def meshes(model: Model) -> NDArray[np.bool_]:
     """(P,) which of the shared coordinates are mesh errors."""
     return np.array([".mesh_" in p.name for p in model.parameters])
+
+
+def bends(model: Model) -> NDArray[np.bool_]:
+    """(P,) which of the shared coordinates are bends of contacts."""
+    return np.array([p.name.endswith(".bend") for p in model.parameters])
 
 
 def by_evidence(fit: Linearised, misfit: float) -> tuple[Linearised, FloatArray]:
@@ -84,7 +93,8 @@ def by_evidence(fit: Linearised, misfit: float) -> tuple[Linearised, FloatArray]
 
 def likeliest_width(fit: Linearised, misfit: float) -> float:
     """Of the mesh errors' prior, over that of the fit."""
-    return WIDTHS[int(np.argmax(weighed(fit, misfit).share))]
+    share = weighed(fit, misfit).share.reshape(len(WIDTHS), -1)
+    return WIDTHS[int(np.argmax(np.sum(share, axis=1)))]
 
 
 def narrowed(best: Outcome, width: float) -> Outcome:

@@ -1,4 +1,4 @@
-"""The width of the mesh errors' prior by the evidence: on linear problems of which everything is known."""
+"""The widths of the impurities' priors by the evidence: on linear problems of which everything is known."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from typing import cast
 import numpy as np
 import pytest
 
+from service.backlash.model_fit_impurity_sizes import by_evidence
 from service.backlash.model_fit_interval import Linearised, Step
-from service.backlash.model_fit_mesh_size import by_evidence
-from service.backlash.model_fit_problem import Point, Problem
+from service.backlash.model_fit_problem import Point
+from service.dynamics.driven_model import Model
 from service.recording import FloatArray
 
 NAMES = ("X1.backlash", "X1.mesh_1", "X1.mesh_2", "X1.mesh_3")
@@ -26,7 +27,7 @@ def design() -> FloatArray:
     return columns
 
 
-def fitted(true: FloatArray, seed: int) -> Linearised:
+def fitted(true: FloatArray, seed: int, names: tuple[str, ...] = NAMES) -> Linearised:
     """A fit at its end of residuals with noise 1, all priors standard normal."""
     S = design()
     noise = np.random.default_rng(seed).standard_normal((T, N))
@@ -34,11 +35,10 @@ def fitted(true: FloatArray, seed: int) -> Linearised:
     covariance = np.linalg.inv(information)
     u = covariance @ np.tensordot(S, S @ true + noise, ((0, 1), (0, 1)))
     left = S @ (u - true) - noise
-    model = SimpleNamespace(parameters=[SimpleNamespace(name=name) for name in NAMES])
+    model = SimpleNamespace(parameters=[SimpleNamespace(name=name) for name in names])
     index = np.arange(N)
     steps = [Step(0 * index, index, r, s, np.zeros((N, 0)), s) for r, s in zip(left, S, strict=True)]
-    problem = cast(Problem, SimpleNamespace(model=model))
-    return Linearised(problem, Point(u, np.zeros((T, 1, 0))), tuple(steps), covariance)
+    return Linearised(cast(Model, model), (), Point(u, np.zeros((T, 1, 0))), tuple(steps), covariance)
 
 
 def test_a_clean_mesh_sharpens_the_backlash() -> None:
@@ -47,6 +47,17 @@ def test_a_clean_mesh_sharpens_the_backlash() -> None:
     errors = np.array([[before.at.shared[0] - 0.3, after.at.shared[0] - 0.3] for before, after in pairs])
     plain, shrunk = np.sqrt(np.mean(errors**2, axis=0))
     assert shrunk < 0.6 * plain
+
+
+def test_a_flank_that_is_not_bent_sharpens_the_backlash_too() -> None:
+    """One coordinate is less evidence than three, but is not to be told from the backlash either."""
+    straight, names = np.array([0.3, 0.0, 0.0, 0.0]), ("X1.backlash", "X1.bend", "X1.mesh_1", "X1.mesh_2")
+    errors = []
+    for seed in range(200):
+        fit = fitted(straight, seed, names)
+        errors.append([fit.at.shared[0] - 0.3, by_evidence(fit, 1.0)[0].at.shared[0] - 0.3])
+    plain, shrunk = np.sqrt(np.mean(np.square(errors), axis=0))
+    assert shrunk < 0.8 * plain
 
 
 def test_a_mesh_error_that_is_plain_to_see_keeps_its_prior() -> None:
