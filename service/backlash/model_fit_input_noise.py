@@ -16,7 +16,7 @@ from scipy.interpolate import CubicSpline
 from service.backlash.model_fit_data import Measured
 from service.backlash.model_fit_problem import Point, Problem, course_at
 from service.backlash.model_fit_stages import Outcome
-from service.backlash.signals import speed_noise
+from service.backlash.moves import sample_noise
 from service.dynamics.driven_motion import between
 from service.recording import FloatArray
 
@@ -56,7 +56,7 @@ def moved_by_samples(measured: Measured, outcome: Outcome) -> Iterator[FloatArra
     still = predicted(problem, fit.point, np.zeros((1, T, problem.samples, X, 5)))
     for x, axis in enumerate(measured.axes):
         speed = measured.recording.traces[axis, "motor_speed"]
-        noise = speed_noise(speed, measured.recording.moves) * measured.recording.axis(axis).transmission
+        noise = sample_noise(speed, measured.recording) * measured.recording.axis(axis).transmission
         skew = fit.value(problem.model, f"{axis}.skew")
         starts = [grid.start + skew for grid in problem.grids]
         size = np.full(len(speed), noise)

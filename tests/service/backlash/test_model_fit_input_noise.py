@@ -15,7 +15,7 @@ from service.backlash.model_fit_problem import fit
 from service.backlash.model_fit_single import single_fit
 from service.backlash.model_fit_stages import backlashes, following_force
 from service.backlash.model_fit_start import closed_form
-from service.backlash.signals import speed_noise
+from service.backlash.moves import sample_noise
 from service.captures import read_capture
 
 DRAWS = 12
@@ -29,7 +29,7 @@ def test_refits_of_noisier_speeds_scatter_by_what_is_expected(shared_dir: Path) 
     linear = linearised(best.problem, best.fit.point)
     expected = np.sqrt(input_variance(measured, best, linear.influence(model_fit.coordinate(best, 0))))
     speed, rng = recording.traces["X1", "motor_speed"], np.random.default_rng(1)
-    sigma, found = speed_noise(speed, recording.moves), []
+    sigma, found = sample_noise(speed, recording), []
     for _ in range(DRAWS):
         noisier = replace(speed, value=speed.value + rng.normal(0.0, sigma, len(speed)))
         again = replace(
