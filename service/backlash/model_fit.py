@@ -266,8 +266,6 @@ def doubt(
     """Why the model cannot be that of the machine, None where it can. How large its impurities are, whole moves say
     better where they were fitted."""
     share = unexplained(measured, best)
-    at = best.fit.point if moves is None else moves.at
-    strange = far_out(best.problem.model if moves is None else moves.model, at.shared)
     if not best.fit.misfit < HOPELESS:
         return Refusal(
             Reason.MISFIT,
@@ -281,6 +279,8 @@ def doubt(
             "noise at rest; the axis does something that the model lacks (another axis pulls, loose part, second gap, "
             "collision), or the channels do not belong together: look at the residual.",
         )
+    shared = best.fit.point.shared if moves is None else moves.at.shared
+    strange = far_out(best.problem.model if moves is None else moves.model, shared)
     if strange:
         return Refusal(
             Reason.MISFIT,

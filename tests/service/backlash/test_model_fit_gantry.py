@@ -68,7 +68,6 @@ def test_where_no_start_comes_near_no_motor_follows_and_the_run_is_refused(monke
     found = model_fit_gantry.over_all_steps(*cast(Any, (None, None, None)), model_fit.GANTRY, cast(Any, None))
     assert found == [away]
     monkeypatch.setattr(model_fit, "unexplained", lambda *_: np.nan)
-    monkeypatch.setattr(model_fit, "far_out", lambda *_: "")
     refusal = model_fit.doubt(*cast(Any, (None, away, 0, None)))
     assert refusal is not None
     assert refusal.reason == Reason.MISFIT
@@ -79,17 +78,12 @@ def test_where_no_start_comes_near_no_motor_follows_and_the_run_is_refused(monke
 def test_neither_axis_is_answered_where_the_fit_bends_one_as_no_sound_machine_is(name: str) -> None:
     names = ("X1.backlash", "X1.mesh_2", "X1.bend", "X2.backlash", "X2.mesh_1", "X2.bend")
 
-    def fitted(u: float) -> Any:
-        shared = np.where(np.array(names) == name, u, 0.0)
-        model = SimpleNamespace(parameters=[SimpleNamespace(name=n) for n in names], axes=("X1", "X2"))
-        return SimpleNamespace(
-            problem=SimpleNamespace(model=model), fit=SimpleNamespace(point=SimpleNamespace(shared=shared))
-        )
-
-    far = model_fit.far_out(fitted(-1.1 * model_fit.FAR_OUT))
+    model = cast(Any, SimpleNamespace(parameters=[SimpleNamespace(name=n) for n in names]))
+    one = np.where(np.array(names) == name, model_fit.FAR_OUT, 0.0)
+    far = model_fit.far_out(model, -1.1 * one)
     assert far is not None
     assert name[:2] in far
-    assert model_fit.far_out(fitted(0.9 * model_fit.FAR_OUT)) is None
+    assert model_fit.far_out(model, 0.9 * one) is None
 
 
 def test_a_gap_that_the_partner_lets_be_crossed_in_one_direction_is_refused() -> None:
