@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from service.dynamics.effects.driven_library import DRIVEN
 from service.identification.axis_verdict import LEFT, backlash_of
 from service.identification.explanation import CannotExplain
-from service.identification.moves_search import in_full, refitted, settled, steady
-from service.identification.moves_starts import Candidate, compared
+from service.identification.held_out import trial_of
+from service.identification.moves_search import ROUNDS, ended, propose, settled
 from service.identification.scene import declared_fit, scene_of
 from service.recording import Recording
-
-ROUNDS = 14
 
 
 @dataclass(frozen=True)
@@ -35,7 +33,8 @@ class RevisedValue:
 def revised_values(
     recording: Recording, axes: Sequence[str], effects: Sequence[str]
 ) -> Mapping[str, RevisedValue]:
-    """Fit one axis, or two that move together, with the named effects added to the declared model.
+    """Fit one axis, or two that move together, with the named effects added to the declared model, as the search for
+    them does, with nothing to choose.
 
     Parameters
     ----------
@@ -52,13 +51,11 @@ def revised_values(
     library = tuple(DRIVEN.values())
     with np.errstate(all="ignore"):  # a random machine may be unstable; its cost counts as infinite
         scene = scene_of([recording], recording, tuple(axes), tuple(axes) in recording.gantry, library)
-        found = declared_fit(scene)
+        present, taken = trial_of(scene, settled(declared_fit(scene), ROUNDS)), tuple[str, ...]()
         for name in effects:
-            effect = DRIVEN[name](found.model.axes)
-            model = replace(found.model, effects=(*found.model.effects, effect))
-            brief = compared(scene, found, [Candidate(effect, model)])[effect.name]
-            found = refitted(found, brief, brief[0].rms)
-        found = steady(settled(in_full(found), ROUNDS))
+            present = propose(scene, (DRIVEN[name],), present, taken, lambda _text: None)[name]
+            taken = (*taken, name)
+        found = ended(scene, present).model.fitted
     values = {}
     for x, axis in enumerate(axes):
         b, std = backlash_of(found, x)

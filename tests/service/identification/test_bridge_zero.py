@@ -12,14 +12,11 @@ from service.backlash.moves_fit import Point, fit, resting, rests_found
 from service.captures import read_capture
 from service.dynamics.driven_model import Model
 from service.identification.bridge_zero import bridge_zero, moved_to
-from tests.undeclared.generate import Campaign, generate
 
 
-def test_a_zero_is_found_again_wherever_the_motors_began(tmp_path: Path) -> None:
+def test_a_zero_is_found_again_wherever_the_motors_began(shared_dir: Path) -> None:
     """The second motor's positions begin 70 µm elsewhere: the bridge's zero is found 70 µm elsewhere, and undone."""
-    generate(Campaign("gantry", 1, 5), tmp_path)
-    (path,) = tmp_path.glob("*.parquet")
-    recording = read_capture(path)
+    recording = read_capture(shared_dir / "captures" / "declared-gantry-00.parquet")
     axes = tuple(axis.name for axis in recording.axes)
     moves, model = moves_of(recording, axes), Model(axes, 1, (), "whole_move", ("constant", "skew"))
     few = [some_of(moves, 4)]
