@@ -111,8 +111,8 @@ def model_fit_axes(recording: Recording, axis: str) -> dict[str, AxisResult]:
     linear = linearised(best.problem, best.fit.point)
     beside = Beside(best, linear, likeliest_width(linear, best.fit.misfit))
     moves = None
-    if len(axes) == 1 and best.fit.misfit < MISFIT_LIMIT:
-        moves = whole_moves(recording, best) if unsure(linear, best.fit.misfit, coordinate(best, 0)) else None
+    if len(axes) == 1 and unsure(linear, best.fit.misfit, coordinate(best, 0)):
+        moves = whole_moves(recording, best)
     return {name: judged(recording, measured, staged, beside, x, moves) for x, name in enumerate(axes)}
 
 

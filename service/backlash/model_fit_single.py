@@ -56,7 +56,8 @@ def single_fit(measured: Measured, guesses: dict[str, Guess], effort: Effort) ->
         other = searched_again(measured, problem, guesses)
         # Whichever is nearer: how the drive is shared out is the least that is wrong.
         nearer = other.fit.cost < starts[0].fit.cost
-        starts, effort = ([other], AGAIN) if nearer else (starts, replace(effort, sharings=False))
+        once = replace(effort, sharings=False, refine=effort.refine[:1])
+        starts, effort = ([other], AGAIN) if nearer else (starts, once)
     return followed(measured, refined(measured, problem, starts, effort))
 
 

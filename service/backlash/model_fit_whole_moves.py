@@ -27,6 +27,10 @@ UNSURE = (2e-7, 0.0035)
 """Half width [m], or share of the backlash, by noise alone from which on the whole moves are fitted: two thirds of the
 accuracy that is asked of a single axis."""
 
+ONLY_NOISE = 1.25
+"""Misfit of the middle of the steps up to which noise is what keeps the backlash unsure (chosen): beyond it the machine
+is, or how its motor moves between the samples, and whole moves do not mend that."""
+
 SETTLING, ROUNDS = (4, 3), 8
 """Rounds in which every move's zeros are found before and after its motor's motion is reconstructed, and of the fit."""
 
@@ -44,6 +48,8 @@ class Estimate:
 
 def unsure(fit: Linearised, misfit: float, k: int) -> bool:
     """Whether noise alone leaves parameter k, a backlash, as unsure as is worth a fit of whole moves."""
+    if misfit > ONLY_NOISE:
+        return False
     by_size, spread = by_evidence(fit, misfit)
     half = 1.96 * abs(by_size.slope(k)) * float(np.sqrt(by_size.covariance[k, k] + spread[k, k]))
     least, share = UNSURE
