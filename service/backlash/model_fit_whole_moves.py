@@ -1,10 +1,10 @@
 """A single axis' backlash by its whole moves, where the middle of the steps does not tell enough.
 
 The stages before compare the part of each step in which the paper's model holds whatever the axis did before. How the
-load sets off and how it stops says more of the same stiffness, masses, damping and friction, and half the variance of
-a backlash that noise keeps from being known goes with them. It is not asked first: where in its gap the pinion rested
-is then unknown in every move, friction turns over, and a fit that begins at another machine ends in another swing. So
-it begins where the other one ended. Residuals are whitened by what the noise of the speed makes of them.
+load sets off and how it stops says more of the same stiffness, masses, damping and friction, and so of a backlash that
+noise keeps from being known. It is not asked first: where in its gap the pinion rested is then unknown in every move,
+friction turns over, and a fit that begins at another machine ends in another swing. So it begins where the other one
+ended. Residuals are whitened by what the noise of the speed makes of them.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from service.backlash.interval import half_width_95
 from service.backlash.model_fit_impurity_sizes import by_evidence
 from service.backlash.model_fit_interval import Linearised, from_slopes, noise_variance, structure_variance
 from service.backlash.model_fit_problem import Point
-from service.backlash.model_fit_stages import Outcome
+from service.backlash.model_fit_stages import HOPELESS, Outcome
 from service.backlash.moves import TAIL, moves_of
 from service.backlash.moves_begun import point_at, with_expected_errors
 from service.backlash.moves_fit import Fitted, fit, reconstructed
@@ -64,6 +64,8 @@ def whole_moves(recording: Recording, best: Outcome) -> Fitted | None:
     moves = [moves_of(recording, model.axes, TAIL)]
     found = fit(moves, model, point_at(model, values, moves), SETTLING[0], free=held)
     found = fit(reconstructed(found, follow=False), model, found.at, SETTLING[1], free=held)
+    if not found.rms**2 < HOPELESS:
+        return None
     white = [replace(with_expected_errors(part, found, fitted=True), white=True) for part in found.moves]
     found = fit(white, model, found.at, ROUNDS)
     return found if found.rms**2 < NEAR else None
