@@ -20,6 +20,7 @@ _WORDS = {
     "configuration.",
     "signals_disagree": "Motor and accelerometer do not describe the same motion. Check that the axes are "
     "not swapped.",
+    "sensors_in_doubt": "It does not show at once which accelerometer sits on which side; the refined value follows.",
     "sensors_swapped": "The accelerometers of two axes seem to be swapped. Check which is fixed to which carriage.",
     "trajectory_not_followed": "The axis did not follow the step as commanded. Check for obstacles and "
     "drive limits.",

@@ -29,7 +29,7 @@ def refined(recording: Recording) -> tuple[AxisResult, ...]:
 
 def _refined(recording: Recording) -> tuple[AxisResult, ...]:
     """The fits of one place."""
-    refusals = {axis.name: admit(recording, axis.name) for axis in recording.axes}
+    refusals = {axis.name: admit(recording, axis.name, ask=True) for axis in recording.axes}
     results: dict[str, AxisResult] = {}
     for axis in recording.axes:
         if axis.name not in results:

@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import PPoly
+from scipy.signal import lfilter
 from scipy.stats import norm
 
 from service.backlash.alike_moves import averaged as averaged_over
@@ -111,6 +112,7 @@ class Moves:
     expected : (T, X, K) standard deviation over the noise that a right model's residual is expected to have
     swings : what still swings at the beginning of each move, if the move before left it; none: not known
     wander, white : how what is expected divides, and whether residuals are whitened by it
+    kept : how long the residuals of acceleration are summed up to those of speed [s]; 0: they are compared themselves
     """
 
     recording: Recording
@@ -127,6 +129,7 @@ class Moves:
     swings: Swings | None = None
     wander: Wander | None = None
     white: bool = False
+    kept: float = 0.0
 
     @property
     def h(self) -> float:
@@ -343,7 +346,14 @@ def residuals(moves: Moves, said: Course) -> FloatArray:
         if moves.white and moves.wander
         else difference / moves.expected
     )
+    if moves.kept:
+        over = summed(np.where(moves.used, over, 0.0), np.exp(-moves.h / moves.kept))
     return np.asarray(over[:, moves.used])
+
+
+def summed(r: FloatArray, kept: float) -> FloatArray:
+    """Residuals (…, K) summed up, of which `kept` is left after each; white ones of 1 stay 1."""
+    return np.asarray(lfilter([np.sqrt(1.0 - kept**2)], [1.0, -kept], r, axis=-1))
 
 
 def misfits(moves: Moves, model: Model, shared: FloatArray, local: FloatArray) -> FloatArray:

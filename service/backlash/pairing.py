@@ -4,12 +4,11 @@ Both axes make the same move, so that swapped sensors pass every other check, an
 What tells the sides apart is the blow when the flanks meet. Motor and load of one side jump apart in it (their
 fast parts are opposed, correlation near −1), and the other side's blow comes at another time. Where that leaves a
 doubt, because both gaps are passed at once or the blow swings faster than the speed is sampled, the machine decides:
-whether any gantry moves as recorded better with the sensors as they are or exchanged.
+whether any gantry moves as recorded better with the sensors as they are or exchanged. That takes seconds.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +16,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from service.backlash.model_fit_gantry import explained
 from service.backlash.results import Reason, Refusal
-from service.backlash.signals import AxisSignals, axis_signals, step_signals
+from service.backlash.signals import AxisSignals, axis_signals, compared, even
 from service.recording import FloatArray, Move, Recording
 
 BLOW = 100.0
@@ -27,30 +26,51 @@ below the Nyquist frequency of 500 Hz."""
 LOOKED_AT = (0.4, 0.95)
 """Share of the move in which the flanks meet."""
 
+FEWEST = 10
+"""Samples of the speed that tell of a blow, at least."""
+
 CLEAR = 3.0
 """Standard errors by which the sensors have to fit their own motors better for no doubt to be left. Chosen: asking the
 machine takes some 2 s, and at three one sound gantry in fifty has to be asked."""
 
 
-def paired(recording: Recording, axis: str) -> Refusal | None:
-    """Refuse the axis of a gantry whose accelerometer fits the partner's motor better than its own."""
+def paired(recording: Recording, axis: str, *, ask: bool = True) -> Refusal | None:
+    """Refuse the axis of a gantry whose accelerometer fits the partner's motor better than its own.
+
+    Parameters
+    ----------
+    ask : whether the machine is asked where the blows leave a doubt; without, the doubt is what is refused for
+    """
     partner = recording.partner(axis)
     if partner is None or recording.trace(partner, "acceleration") is None:
         return None
     here, there = axis_signals(recording, axis), axis_signals(recording, partner)
     if here is None or there is None:
         return None
-    own = _opposed(here, recording.moves) + _opposed(there, recording.moves)
-    crossed = _opposed(replace(here, load=there.load), recording.moves)
-    crossed += _opposed(replace(there, load=here.load), recording.moves)
-    known = (own - crossed)[np.isfinite(own - crossed)]
-    if len(known) == 0 or clear(known) or not explained_exchanged(recording, axis, partner):
+    better = own_over_crossed(here, there, recording.moves)
+    if len(better) == 0 or clear(better):
+        return None
+    if not ask:
+        return Refusal(
+            Reason.SENSORS_IN_DOUBT,
+            f"What the accelerometers of {axis} and {partner} feel does not tell at once which sits on which side: "
+            "both gaps are passed at the same time, or the sensors are swapped; wait for the model fit, which decides.",
+        )
+    if not explained_exchanged(recording, axis, partner):
         return None
     return Refusal(
         Reason.SENSORS_SWAPPED,
         f"What the accelerometer of {axis} feels fits the motor of {partner} better than its own; the two "
         "sensors of the gantry are swapped: exchange their cables or their ids.",
     )
+
+
+def own_over_crossed(here: AxisSignals, there: AxisSignals, moves: tuple[Move, ...]) -> FloatArray:
+    """How much more opposed the blows of motors and loads are on the sides that they are said to sit on than on the
+    others, in each move that tells: (n,), negative where the sensors sit right."""
+    crossed = (replace(here, load=there.load), replace(there, load=here.load))
+    own, other = (blows_opposed(a, moves) + blows_opposed(b, moves) for a, b in ((here, there), crossed))
+    return (own - other)[np.isfinite(own - other)]
 
 
 def clear(better: FloatArray) -> bool:
@@ -69,16 +89,19 @@ def explained_exchanged(recording: Recording, axis: str, partner: str) -> bool:
     return explained(replace(recording, traces=traces), axes) < explained(recording, axes)
 
 
-def _opposed(signals: AxisSignals, moves: Sequence[Move]) -> FloatArray:
+def blows_opposed(signals: AxisSignals, moves: tuple[Move, ...]) -> FloatArray:
     """Correlation of the fast parts of motor and load acceleration in each move (moves,), NaN where unknown."""
-    return np.array([_correlation(signals, index, move) for index, move in enumerate(moves)])
+    motor, mass = even(signals.speed), even(signals.load)
+    a_max = max(move.jerk * move.duration / 4.0 for move in moves)
+    sections = butter(2, BLOW, "high", fs=1.0 / motor.period, output="sos")
+    a_mot, a_mas = (sosfiltfilt(sections, a) for a in compared(motor, mass, a_max, signals.noise))
+    return np.array([_correlation(motor.time, a_mot, a_mas, move) for move in moves])
 
 
-def _correlation(signals: AxisSignals, index: int, move: Move) -> float:
-    step = step_signals(signals, index, move)
-    if step is None:
+def _correlation(time: FloatArray, motor: FloatArray, load: FloatArray, move: Move) -> float:
+    first, last = (move.start + share * move.duration for share in LOOKED_AT)
+    inside = (time > first) & (time < last)
+    if np.sum(inside) < FEWEST:
         return float("nan")
-    sections = butter(2, BLOW, "high", fs=1.0 / step.speed.period, output="sos")
-    inside = step.within(*LOOKED_AT)
-    motor, load = (sosfiltfilt(sections, a)[inside] for a in (step.a_mot, step.a_mas))
+    motor, load = motor[inside], load[inside]
     return float(np.sum(motor * load) / np.sqrt(np.sum(motor**2) * np.sum(load**2)))

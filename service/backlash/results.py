@@ -27,6 +27,7 @@ class Reason(StrEnum):
     WRONG_SIGN = "wrong_sign"
     SIGNALS_DISAGREE = "signals_disagree"
     SENSORS_SWAPPED = "sensors_swapped"
+    SENSORS_IN_DOUBT = "sensors_in_doubt"
     TRAJECTORY_NOT_FOLLOWED = "trajectory_not_followed"
     EXCITATION = "excitation"
     NO_RELEASE = "no_release"

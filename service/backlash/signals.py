@@ -150,11 +150,13 @@ def even(trace: Trace) -> Even:
     steps = np.diff(trace.time)
     ticks = np.maximum(1.0, np.round(steps / np.median(steps)))
     counter = np.concatenate(([0.0], np.cumsum(ticks)))
-    start, period = np.polynomial.Polynomial.fit(counter, trace.time, 1).convert().coef
+    apart, middle = counter - np.mean(counter), float(np.mean(trace.time))
+    period = float(np.sum(apart * (trace.time - middle)) / np.sum(apart**2))
+    start = middle - period * float(np.mean(counter))
     grid = np.arange(counter[-1] + 1.0)
     lost = np.ones(len(grid), bool)
     lost[counter.astype(int)] = False
-    return Even(float(start), float(period), np.interp(grid, counter, trace.value), lost)
+    return Even(start, period, np.interp(grid, counter, trace.value), lost)
 
 
 def standstill(trace: Trace, moves: tuple[Move, ...]) -> BoolArray:
@@ -247,7 +249,8 @@ def step_signals(signals: AxisSignals, index: int, move: Move, skew: float = 0.0
         return None
     motor = replace(motor, value=move.direction * motor.value)
     mass = replace(mass, value=move.direction * mass.value)
-    return _compared(index, move, motor, mass, signals.noise)
+    a_mot, a_mas = compared(motor, mass, move.jerk * move.duration / 4.0, signals.noise)
+    return StepSignals(index, move, motor.time, a_mot, a_mas, motor, mass)
 
 
 def _cut(trace: Trace, move: Move, late: float) -> Even | None:
@@ -259,16 +262,9 @@ def _cut(trace: Trace, move: Move, late: float) -> Even | None:
     return replace(placed, start=placed.start - late)
 
 
-def _compared(index: int, move: Move, motor: Even, mass: Even, noise: float) -> StepSignals:
-    """Both accelerations at the motor's instants; noise of the speed [m/s]."""
+def compared(motor: Even, mass: Even, a_max: float, noise: float) -> tuple[FloatArray, FloatArray]:
+    """Acceleration of motor and load at the motor's instants, (n,) each [m/s²]; a_max is the largest of the motion,
+    noise that of the speed [m/s]."""
     v_mas = np.interp(motor.time, mass.time, mass.integral)
-    width = window_width(noise, motor.period, move.jerk * move.duration / 4.0)
-    return StepSignals(
-        index=index,
-        move=move,
-        time=motor.time,
-        a_mot=derivative(motor.value, motor.period, width),
-        a_mas=derivative(v_mas, motor.period, width),
-        speed=motor,
-        acceleration=mass,
-    )
+    width = window_width(noise, motor.period, a_max)
+    return derivative(motor.value, motor.period, width), derivative(v_mas, motor.period, width)

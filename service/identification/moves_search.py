@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -59,6 +60,10 @@ TURNS_OF_RESTS = 2
 TURNS, STEADY = 8, 2.0
 """How often a fit and the reconstructed motion take turns at the end, and the change of the sum of squares, over the
 noise, from which on they agree (chosen: a standard deviation of one number changes it by one)."""
+SUMMED = (0.05, 0.01)
+"""How long residuals are summed up to those of speed, the longest first [s] (chosen: periods of a contact, and one)."""
+RIDGE = 0.995
+"""RMS, over that of a fit, from which on another valley is a better one (chosen)."""
 OF_PINION = 1.0 / 3.0
 """Share of a drive's mass that is begun with as the pinion's (chosen; the fit finds it)."""
 SOUND = 2.0
@@ -256,16 +261,37 @@ def steady(found: Fitted) -> Fitted:
     wander as the noise of its speed lets it. A hopeless fit stays what it is."""
     if found.rms >= HOPELESS:
         return found
-    white = Fitted(
-        found.model, tuple(replace(m, white=True) for m in found.moves), found.at, found.r, found.free
-    )
-    for turn in range(TURNS):
-        on = fit(reconstructed(white), found.model, white.at, ROUNDS, tolerance=0.05)
-        change, white = abs(float(on.r @ on.r - white.r @ white.r)), on
-        if turn and change < STEADY:
-            break
+    white = agreed(with_(found, white=True))
+    for kept in SUMMED:
+        other = over_the_ridge(white, kept)
+        white = agreed(other) if other.rms < RIDGE * white.rms else white
     moves = tuple(replace(m, white=False) for m in white.moves)
     return fit(moves, found.model, white.at, 0)
+
+
+def with_(found: Fitted, **changed: Any) -> Fitted:
+    """The fit at the same point, its moves changed."""
+    moves = tuple(replace(m, **changed) for m in found.moves)
+    return fit(moves, found.model, found.at, 0, free=found.free)
+
+
+def agreed(found: Fitted) -> Fitted:
+    """The fit and the motion of the motors that is reconstructed from it, in turns until they agree."""
+    for turn in range(TURNS):
+        on = fit(reconstructed(found), found.model, found.at, ROUNDS, tolerance=0.05)
+        change, found = abs(float(on.r @ on.r - found.r @ found.r)), on
+        if turn and change < STEADY:
+            break
+    return found
+
+
+def over_the_ridge(found: Fitted, kept: float) -> Fitted:
+    """The fit begun once more where the loads' *speeds* are described best. A contact that the model meets half a
+    period late lies in another valley of the acceleration; of the speed it is a step, and has a slope from wherever it
+    is met."""
+    of_speed = with_(found, kept=kept)
+    begun = fit(of_speed.moves, found.model, found.at, ROUNDS)
+    return fit(found.moves, found.model, begun.at, ROUNDS)
 
 
 def in_full(found: Fitted) -> Fitted:

@@ -45,7 +45,10 @@ def test_sensors_in_their_places_are_accepted(gantry: Recording, axis: str) -> N
 
 @pytest.mark.parametrize(("channel", "axis"), [("acceleration", "X1"), ("motor_speed", "X2")])
 def test_swapped_sensors_are_refused(gantry: Recording, channel: str, axis: str) -> None:
-    assert paper(swapped(gantry, channel), axis).reason is Reason.SENSORS_SWAPPED
+    """At once for the doubt that they leave, and by name when the machine was asked."""
+    refusal = paired(swapped(gantry, channel), axis)
+    assert refusal and refusal.reason is Reason.SENSORS_SWAPPED
+    assert paper(swapped(gantry, channel), axis).reason is Reason.SENSORS_IN_DOUBT
 
 
 def test_the_machine_decides_where_the_blows_leave_a_doubt(gantry: Recording) -> None:
