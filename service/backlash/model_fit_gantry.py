@@ -26,6 +26,7 @@ from service.backlash.model_fit_one_build import WAYS, begun_alike
 from service.backlash.model_fit_onward import onward
 from service.backlash.model_fit_problem import Fit, Point, Problem, fit
 from service.backlash.model_fit_stages import (
+    DIVERGING,
     HOPELESS,
     Effort,
     Outcome,
@@ -79,7 +80,7 @@ NOWHERE = 100.0
 """Misfit, ten times the noise, from which on neither more passes over all steps nor following motors are tried: what
 comes no nearer on a few steps is refused anyway."""
 
-AWAY = 2.0
+AWAY = 1.5
 """Cost over that of the best pass beyond which motion and machine drive each other away."""
 
 SETTLED = 8
@@ -182,7 +183,7 @@ def alike(
 def answered(measured: Measured, start: Outcome) -> Outcome:
     """A start fitted further with motors that answer the forces while the machine is fitted."""
     return min(
-        passes(measured, start.problem, start.fit.point, ANSWERING, following_force),
+        passes(measured, start.problem, start.fit.point, ANSWERING, following_force, dearer=AWAY),
         key=lambda o: o.fit.cost,
     )
 
@@ -252,4 +253,5 @@ def over_all_steps(
         best.fit.point,
         effort.following,
         with_following_motors,
+        dearer=DIVERGING,
     )

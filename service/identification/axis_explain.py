@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from service.dynamics.effects.driven_library import DRIVEN
-from service.identification.axis_verdict import LEFT_BY_CLEAN, LEFT_BY_ONE, verdict
+from service.identification.axis_verdict import LEFT_BY_ONE, SEARCHED, verdict
 from service.identification.explanation import AxisExplanation
 from service.identification.held_out import trial_of
 from service.identification.moves_search import challenged, ended, propose, settled
@@ -48,7 +48,7 @@ def explain_axes(
             tell=tell,
             challenge=lambda present, best: challenged(scene, present, best),
             material=MATERIAL,
-            enough=LEFT_BY_CLEAN,
+            enough=SEARCHED,
             further=FURTHER,
             last=LEFT_BY_ONE,
             most=MOST,

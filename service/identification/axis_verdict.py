@@ -24,7 +24,10 @@ from service.identification.selection import Selection, Trial, explained, left, 
 from service.recording import FloatArray
 
 LEFT_BY_CLEAN = 1.25
-"""RMS over what is expected up to which nothing is searched for (chosen)."""
+"""RMS over what is expected up to which what is left may be next to nothing (chosen)."""
+SEARCHED = 1.15
+"""RMS that shows from which on what is missing is searched for (chosen: a second gap of a third of the first leaves so
+little, and the backlash is off by it)."""
 LEFT = 1.6
 """Held-out RMS over the noise up to which the named effects count as the whole explanation (chosen)."""
 LEFT_BY_ONE = 3.0
@@ -51,8 +54,8 @@ has no such limit: a slow error may be large."""
 SURELY = 2.0
 """Standard deviations by which a number is beyond what a sound machine has."""
 CLEARLY = 0.75
-"""Share of the excess variance that an effect explains by itself which is in no sound machine and shows in all moves
-(chosen)."""
+"""Share of the excess variance that an effect explains by itself which is in no sound machine, shows in all moves and
+leaves next to nothing in those that were not fitted (chosen)."""
 WHOLLY = 0.98
 """Share from which on an effect is named whatever it leaves: it has predicted moves that nobody has fitted, and what is
 left is how its law differs from the machine's (chosen)."""
@@ -113,6 +116,7 @@ def finding_of(selection: Selection[Explained]) -> tuple[Finding, tuple[str, ...
         seen = max(before.train_rms, before.validation_rms) > SMALL
         uncommon = not common and left(before) > LEFT_BY_CLEAN
         clear = uncommon and len(effects) == 1 and explained(before, after, CLEARLY)
+        clear = clear and after.validation_rms <= LEFT_BY_CLEAN
         if _little(before) and not (alone and seen) and not clear:
             return nothing, ()
         everything = before.validation_rms > CHANGED and shown(after) <= LEFT_BY_CLEAN

@@ -62,6 +62,8 @@ TURNS, STEADY = 8, 2.0
 noise, from which on they agree (chosen: a standard deviation of one number changes it by one)."""
 SUMMED = (0.05, 0.01)
 """How long residuals are summed up to those of speed, the longest first [s] (chosen: periods of a contact, and one)."""
+CORNERS = 2
+"""How often a fit that stands in a corner has its numbers put back."""
 RIDGE = 0.995
 """RMS, over that of a fit, from which on another valley is a better one (chosen)."""
 OF_PINION = 1.0 / 3.0
@@ -165,15 +167,21 @@ def settled(found: Fitted, rounds: int) -> Fitted:
     moves = reconstructed(found)
     on = fit(moves, found.model, found.at, rounds)
     if on.rms >= ENDED:
-        put_back = {name: v for name, v in values_at(found).items() if not name.endswith(PUT_BACK)}
-        at = begun_at(moves, found.model, put_back, found.at.local)
-        on = min(on, fit(moves, found.model, at, rounds), key=lambda f: f.rms)
+        at_first = Fitted(found.model, moves, found.at, found.r, found.free)
+        on = min(on, put_back(at_first, rounds), key=lambda f: f.rms)
     return swung_in(as_damped(on)) if on.rms < HOPELESS else on
+
+
+def put_back(found: Fitted, rounds: int) -> Fitted:
+    """The fit begun once more with the numbers put back that a wrong model drives into a corner."""
+    values = {name: v for name, v in values_at(found).items() if not name.endswith(PUT_BACK)}
+    return fit(found.moves, found.model, begun_at(found.moves, found.model, values, found.at.local), rounds)
 
 
 def as_damped(found: Fitted) -> Fitted:
     """The fit with the damping ratios that no chain has at their typical values, if the moves are described about as
-    well: of a spring so stiff that no sample tells how it swings, any damping is as good."""
+    well: of a spring so stiff that no sample tells how it swings, any damping is as good. Else they stand in a corner,
+    from which the way back leads over a ridge, and over a second one where the friction came along."""
     names = overdamped(found)
     if not names:
         return found
@@ -181,7 +189,12 @@ def as_damped(found: Fitted) -> Fitted:
     values = {name: v for name, v in values_at(found).items() if name not in names}
     at = begun_at(found.moves, found.model, values, found.at.local)
     damped = fit(found.moves, found.model, at, ROUNDS, free=free)
-    return fit(found.moves, found.model, damped.at, 0) if damped.rms < AS_WELL * found.rms else found
+    if damped.rms < AS_WELL * found.rms:
+        return fit(found.moves, found.model, damped.at, 0)
+    out = found
+    for _ in range(CORNERS):
+        out = over_the_ridge(put_back(out, ROUNDS), SUMMED[0])
+    return out if out.rms < AS_WELL * found.rms and not overdamped(out) else found
 
 
 def swung_in(found: Fitted) -> Fitted:
@@ -223,10 +236,13 @@ def propose(
     for candidate in tried:
         for inner in set(candidate.effect.contains) & set(found):
             found[inner] = as_contained(found[inner], found[candidate.name])
-    finalists = leading(found, FINALISTS)
-    for name in finalists:
-        found[name] = settled(found[name], ROUNDS)
-    return {name: trial_of(scene, f, thorough=name in finalists) for name, f in found.items()}
+    finished: list[str] = []
+    for name in sorted(leading(found, FINALISTS), key=lambda name: swings_at_all(found[name].model)):
+        nearest = min((found[other].rms for other in finished), default=np.inf)
+        if nearest > ENDED or found[name].rms < BEHIND * nearest:
+            found[name] = settled(found[name], ROUNDS)
+            finished.append(name)
+    return {name: trial_of(scene, f, thorough=name in finished) for name, f in found.items()}
 
 
 def leading(found: Mapping[str, Fitted], count: int) -> list[str]:
@@ -236,15 +252,11 @@ def leading(found: Mapping[str, Fitted], count: int) -> list[str]:
 
 
 def ended(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
-    """The fit of a model that may be the right one, begun once more with the machine of the estimator and of the smooth
-    fit, and continued while it gains; its effects as they are simulated for a value."""
+    """The fit of a model that may be the right one, its effects as they are simulated for a value, continued while it
+    gains."""
     if trial.model.fitted.model == scene.declared and trial.train_rms > SOUND:
         return trial
     best = in_full(trial.model.fitted)
-    split = any(effect.many_valleys for effect in best.model.effects)
-    for place in () if split else (scene.rich, scene.smooth):
-        if ENDED < best.rms < HOPELESS:
-            best = min(best, elsewhere(best, place), key=lambda f: f.rms)
     more = MORE if swings_at_all(best.model) else 1
     for _ in range(more if best.rms < HOPELESS else 0):
         further = settled(best, ROUNDS)
@@ -261,7 +273,7 @@ def steady(found: Fitted) -> Fitted:
     wander as the noise of its speed lets it. A hopeless fit stays what it is."""
     if found.rms >= HOPELESS:
         return found
-    white = agreed(with_(found, white=True))
+    white = agreed(altered(found, white=True))
     for kept in SUMMED:
         other = over_the_ridge(white, kept)
         white = agreed(other) if other.rms < RIDGE * white.rms else white
@@ -269,7 +281,7 @@ def steady(found: Fitted) -> Fitted:
     return fit(moves, found.model, white.at, 0)
 
 
-def with_(found: Fitted, **changed: Any) -> Fitted:
+def altered(found: Fitted, **changed: Any) -> Fitted:
     """The fit at the same point, its moves changed."""
     moves = tuple(replace(m, **changed) for m in found.moves)
     return fit(moves, found.model, found.at, 0, free=found.free)
@@ -289,7 +301,7 @@ def over_the_ridge(found: Fitted, kept: float) -> Fitted:
     """The fit begun once more where the loads' *speeds* are described best. A contact that the model meets half a
     period late lies in another valley of the acceleration; of the speed it is a step, and has a slope from wherever it
     is met."""
-    of_speed = with_(found, kept=kept)
+    of_speed = altered(found, kept=kept)
     begun = fit(of_speed.moves, found.model, found.at, ROUNDS)
     return fit(found.moves, found.model, begun.at, ROUNDS)
 
@@ -319,21 +331,13 @@ def parted(values: Values, axes: Sequence[str]) -> Values:
     return out
 
 
-def elsewhere(found: Fitted, place: Values) -> Fitted:
-    """The model fitted from the effects' numbers as found, and the machine's as they are at a place."""
-    machine = {p.name for p in replace(found.model, effects=found.model.effects[:1]).parameters}
-    values = values_at(found) | {name: value for name, value in place.items() if name in machine}
-    moves = unanswering(found.moves)
-    return settled(
-        fit(moves, found.model, begun_at(moves, found.model, values, found.at.local), ROUNDS), ROUNDS
-    )
-
-
 def challenged(scene: Scene, present: Trial[Explained], best: Trial[Explained]) -> Trial[Explained]:
     """The present model fitted once more from where the best candidate ended, without the candidate's effect, so that
     no effect is named for having led the fit out of a poor valley."""
     now, other = present.model.fitted, best.model.fitted
     keep = [[p.name for p in other.model.parameters].index(p.name) for p in now.model.parameters]
     at = Point(other.at.shared[keep], tuple(local[:, : width(now.model)] for local in other.at.local))
-    again = settled(fit(other.moves, now.model, at, ROUNDS), ROUNDS)
+    again = fit(other.moves, now.model, at, ROUNDS)
+    if again.rms < BEHIND * now.rms and again.rms < HOPELESS:
+        again = settled(again, ROUNDS)
     return trial_of(scene, again) if again.rms < 0.99 * now.rms else present

@@ -18,6 +18,7 @@ from service.backlash.moves import (
     residuals,
     sample_noise,
     sensor_zero,
+    summed,
 )
 from service.backlash.moves_begun import point_at
 from service.backlash.moves_fit import (
@@ -43,7 +44,7 @@ from service.dynamics.effects.driven_library import DRIVEN
 from service.dynamics.effects.driven_transmission import DrivenBentContact, DrivenClearance
 from service.identification.axis_verdict import backlash_of, clearance_beside, unseen_depth
 from service.identification.held_out import held_out, told_by_train
-from service.identification.moves_search import steady
+from service.identification.moves_search import ROUNDS, SUMMED, over_the_ridge, steady
 from service.identification.scene import ChannelTolerance, as_effects, estimator_alone, smeared
 from service.recording import FloatArray, Recording, Trace
 
@@ -73,6 +74,31 @@ def altered(recording: Recording, from_share: float) -> Recording:
         late = (trace.time > move.start + from_share * move.duration) & (trace.time <= move.end)
         value[late] = 3.0
     return replace(recording, traces={**recording.traces, ("X1", "acceleration"): Trace(trace.time, value)})
+
+
+def test_residuals_of_speed_fade_by_their_share_and_stay_white_ones_of_one() -> None:
+    impulse = np.zeros((2, 5))
+    impulse[1, 1] = 1.0
+    faded = np.sqrt(1.0 - 0.8**2) * 0.8 ** np.arange(4)
+    np.testing.assert_allclose(summed(impulse, 0.8)[1], [0.0, *faded], rtol=1e-12)
+    np.testing.assert_array_equal(summed(impulse, 0.8)[0], 0.0)
+    noise = np.random.default_rng(8).normal(0.0, 1.0, 200_000)
+    assert np.std(summed(noise, 0.95)) == pytest.approx(1.0, abs=0.03)
+
+
+def test_a_contact_that_is_met_in_another_swing_is_found_by_the_speeds(found: Fitted) -> None:
+    """Begun with a contact of two fifths of its stiffness, every impact comes late and swings too slowly."""
+    names = [p.name for p in found.model.parameters]
+    k = names.index("X1.contact_stiffness")
+    shared = found.at.shared.copy()
+    shared[k] = float(found.model.parameters[k].internal(0.4 * found.value("X1.contact_stiffness")))
+    right = fit(found.moves, found.model, found.at, ROUNDS)
+    other = fit(found.moves, found.model, Point(shared, found.at.local), ROUNDS)
+    over = other
+    for kept in SUMMED:
+        over = over_the_ridge(over, kept)
+    assert over.rms < 1.05 * right.rms
+    assert over.rms < other.rms
 
 
 def test_a_prediction_does_not_see_the_acceleration_that_it_predicts(
