@@ -167,15 +167,14 @@ def settled(found: Fitted, rounds: int) -> Fitted:
     moves = reconstructed(found)
     on = fit(moves, found.model, found.at, rounds)
     if on.rms >= ENDED:
-        at_first = Fitted(found.model, moves, found.at, found.r, found.free)
-        on = min(on, put_back(at_first, rounds), key=lambda f: f.rms)
+        on = min(on, put_back(moves, found, rounds), key=lambda f: f.rms)
     return swung_in(as_damped(on)) if on.rms < HOPELESS else on
 
 
-def put_back(found: Fitted, rounds: int) -> Fitted:
-    """The fit begun once more with the numbers put back that a wrong model drives into a corner."""
+def put_back(moves: Sequence[Moves], found: Fitted, rounds: int) -> Fitted:
+    """The model of a fit fitted once more with the numbers put back that a wrong model drives into a corner."""
     values = {name: v for name, v in values_at(found).items() if not name.endswith(PUT_BACK)}
-    return fit(found.moves, found.model, begun_at(found.moves, found.model, values, found.at.local), rounds)
+    return fit(moves, found.model, begun_at(moves, found.model, values, found.at.local), rounds)
 
 
 def as_damped(found: Fitted) -> Fitted:
@@ -193,7 +192,7 @@ def as_damped(found: Fitted) -> Fitted:
         return fit(found.moves, found.model, damped.at, 0)
     out = found
     for _ in range(CORNERS):
-        out = over_the_ridge(put_back(out, ROUNDS), SUMMED[0])
+        out = over_the_ridge(put_back(out.moves, out, ROUNDS), SUMMED[0])
     return out if out.rms < AS_WELL * found.rms and not overdamped(out) else found
 
 

@@ -189,7 +189,7 @@ def test_how_two_gaps_divide_their_sum_is_tried_everywhere_with_the_chain_put_ba
 def test_damping_that_no_chain_has_is_put_back_where_no_sample_tells_it(
     monkeypatch: Any, without: float, kept: str
 ) -> None:
-    """What tells it is a fit that comes no nearer without it."""
+    """What tells it is a fit that comes no nearer without it, nor behind the ridges around its corner."""
     held: list[int] = []
 
     def refit(_moves: Any, _model: Any, _at: Any, rounds: int, free: Any = None) -> Any:
@@ -206,10 +206,35 @@ def test_damping_that_no_chain_has_is_put_back_where_no_sample_tells_it(
     monkeypatch.setattr(moves_search, "values_at", lambda _found: values)
     monkeypatch.setattr(moves_search, "begun_at", lambda _m, _n, at, *_: begun.append(at))
     monkeypatch.setattr(moves_search, "fit", refit)
+    monkeypatch.setattr(moves_search, "put_back", lambda _moves, found, _rounds: found)
+    monkeypatch.setattr(moves_search, "over_the_ridge", lambda found, _kept: found)
     damped = moves_search.as_damped(found)
     assert (damped is found) == (kept == "overdamped")
     assert begun == [{"X1.coulomb": 0.3}], "a value that is not given is the typical one"
     assert held == [0]
+
+
+@pytest.mark.parametrize(("behind", "left"), [(1.0, True), (1.4, False)])
+def test_a_corner_is_left_over_two_ridges_if_what_lies_behind_is_as_near(
+    monkeypatch: Any, behind: float, left: bool
+) -> None:
+    corner, first, second = stub(1.1), stub(1.8), stub(behind)
+    for one, name in ((corner, "X1.gear_damping_ratio"), (first, "X1.viscous"), (second, "X1.viscous")):
+        one.model, one.at = (
+            SimpleNamespace(parameters=[SimpleNamespace(name=name)]),
+            SimpleNamespace(local=()),
+        )
+    monkeypatch.setattr(
+        moves_search, "overdamped", lambda found: ("X1.gear_damping_ratio",) if found is corner else ()
+    )
+    monkeypatch.setattr(moves_search, "values_at", lambda _found: {})
+    monkeypatch.setattr(moves_search, "begun_at", lambda *_: None)
+    monkeypatch.setattr(moves_search, "fit", lambda *_, **__: stub(2.0))
+    monkeypatch.setattr(moves_search, "put_back", lambda _moves, found, _rounds: found)
+    monkeypatch.setattr(
+        moves_search, "over_the_ridge", lambda found, _k: first if found is corner else second
+    )
+    assert moves_search.as_damped(corner) is (second if left else corner)
 
 
 def test_a_second_look_is_for_what_may_still_be_the_best(monkeypatch: Any) -> None:
