@@ -303,10 +303,11 @@ def compared(
 ) -> dict[str, list[Brief]]:
     """The best fits of a few moves of every candidate, by name. All are looked at once; those that may still come to be
     the best, also of what is `known` by its RMS, and are not as near as a right one comes, a second time from more
-    starts."""
+    starts; where one comes as near, only those that come half the way to it."""
     looks = {candidate.name: first_look(scene, found, candidate) for candidate in library}
     nearest = {name: min(fit.rms for fit in fits) for name, fits in looks.items()}
-    hopeful = FAR_OFF * min([known, *nearest.values()])
+    least = min([known, *nearest.values()])
+    hopeful = FAR_OFF * least if least > ENDED else min(FAR_OFF * least, 0.5 * (least + found.rms))
     lacking = [one for one in library if ENDED < nearest[one.name] < hopeful]
     at_places = grounds(scene, found) if lacking else []
     for candidate in lacking:

@@ -238,7 +238,8 @@ def test_a_corner_is_left_over_two_ridges_if_what_lies_behind_is_as_near(
 
 
 def test_a_second_look_is_for_what_may_still_be_the_best(monkeypatch: Any) -> None:
-    """Not for what is as near as a right one, nor for what is far behind the nearest."""
+    """Not for what is as near as a right one, nor for what is far behind the nearest, nor, where one is as near as a
+    right one, for what is not half the way there from the present model."""
     first = {"right": 1.0, "hopeful": 1.8, "behind": 2.5}
     again: list[str] = []
     monkeypatch.setattr(moves_starts, "first_look", lambda _s, _f, candidate: [stub(first[candidate.name])])
@@ -252,6 +253,8 @@ def test_a_second_look_is_for_what_may_still_be_the_best(monkeypatch: Any) -> No
     again.clear()
     moves_starts.compared(cast(Any, None), stub(3.0), library[1:], known=0.8)
     assert not again, "something that is known already is far nearer"
+    moves_starts.compared(cast(Any, None), stub(2.0), library)
+    assert not again, "half the way from 2.0 to 1.0 is 1.5"
 
 
 def test_an_effect_begun_on_the_present_model_changes_nothing(shared_dir: Path) -> None:
