@@ -125,9 +125,16 @@ def finding_of(selection: Selection[Explained]) -> tuple[Finding, tuple[str, ...
     error = left if len(effects) == 1 else shown
     near = error(after) <= (LEFT_BY_ONE if alone else LEFT) and after.validation_rms <= CHANGED
     wholly = alone and after.train_rms <= LEFT and explained(before, after, WHOLLY)
-    if wholly or (near and explained(before, after, PART)):
+    if wholly or (near and explained(before, after, PART) and _fitted_too(before, after)):
         return "effect", effects
     return "unknown", ()
+
+
+def _fitted_too(before: Trial[Explained], after: Trial[Explained]) -> bool:
+    """Whether as large a part is gone from the moves that were fitted, or little is left there: what predicts other
+    moves and leaves those that it was fitted to as they were is not what acts."""
+    gone = after.train_rms**2 - 1.0 <= (1.0 - PART) * (before.train_rms**2 - 1.0)
+    return gone or after.train_rms <= LEFT
 
 
 def _common(selection: Selection[Explained]) -> bool:
