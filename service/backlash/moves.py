@@ -13,11 +13,11 @@ from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import PPoly
-from scipy.signal import lfilter
 from scipy.stats import norm
 
 from service.backlash.alike_moves import averaged as averaged_over
 from service.backlash.model_fit_data import KEPT, acceleration_of, bias_at_rest, reconstructed
+from service.backlash.signals import summed
 from service.dynamics.driven import Course, course_of
 from service.dynamics.driven_model import Model, Values
 from service.dynamics.driven_motion import (
@@ -112,7 +112,7 @@ class Moves:
     expected : (T, X, K) standard deviation over the noise that a right model's residual is expected to have
     swings : what still swings at the beginning of each move, if the move before left it; none: not known
     wander, white : how what is expected divides, and whether residuals are whitened by it
-    kept : how long the residuals of acceleration are summed up to those of speed [s]; 0: they are compared themselves
+    lasting : how long residuals of acceleration are summed up to those of speed [s]; 0: they are compared themselves
     """
 
     recording: Recording
@@ -129,7 +129,7 @@ class Moves:
     swings: Swings | None = None
     wander: Wander | None = None
     white: bool = False
-    kept: float = 0.0
+    lasting: float = 0.0
 
     @property
     def h(self) -> float:
@@ -346,14 +346,9 @@ def residuals(moves: Moves, said: Course) -> FloatArray:
         if moves.white and moves.wander
         else difference / moves.expected
     )
-    if moves.kept:
-        over = summed(np.where(moves.used, over, 0.0), np.exp(-moves.h / moves.kept))
+    if moves.lasting:
+        over = summed(np.where(moves.used, over, 0.0), np.exp(-moves.h / moves.lasting))
     return np.asarray(over[:, moves.used])
-
-
-def summed(r: FloatArray, kept: float) -> FloatArray:
-    """Residuals (…, K) summed up, of which `kept` is left after each; white ones of 1 stay 1."""
-    return np.asarray(lfilter([np.sqrt(1.0 - kept**2)], [1.0, -kept], r, axis=-1))
 
 
 def misfits(moves: Moves, model: Model, shared: FloatArray, local: FloatArray) -> FloatArray:

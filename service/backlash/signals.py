@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, savgol_coeffs, sosfiltfilt
+from scipy.signal import butter, lfilter, savgol_coeffs, sosfiltfilt
 
 from service.recording import FloatArray, Move, Recording, Trace
 
@@ -222,6 +222,11 @@ def running_integral(value: FloatArray, period: float) -> FloatArray:
     """∫ value dt (n,) by trapezoids, zero at the first sample."""
     steps = 0.5 * period * (value[1:] + value[:-1])
     return np.concatenate((np.zeros(1), np.cumsum(steps)))
+
+
+def summed(r: FloatArray, kept: float) -> FloatArray:
+    """Residuals (…, K) summed up, of which `kept` is left after each; white ones of 1 stay 1."""
+    return np.asarray(lfilter([np.sqrt(1.0 - kept**2)], [1.0, -kept], r, axis=-1))
 
 
 def axis_signals(recording: Recording, axis: str) -> AxisSignals | None:

@@ -273,8 +273,8 @@ def steady(found: Fitted) -> Fitted:
     if found.rms >= HOPELESS:
         return found
     white = agreed(altered(found, white=True))
-    for kept in SUMMED:
-        other = over_the_ridge(white, kept)
+    for lasting in SUMMED:
+        other = over_the_ridge(white, lasting)
         white = agreed(other) if other.rms < RIDGE * white.rms else white
     moves = tuple(replace(m, white=False) for m in white.moves)
     return fit(moves, found.model, white.at, 0)
@@ -296,11 +296,11 @@ def agreed(found: Fitted) -> Fitted:
     return found
 
 
-def over_the_ridge(found: Fitted, kept: float) -> Fitted:
+def over_the_ridge(found: Fitted, lasting: float) -> Fitted:
     """The fit begun once more where the loads' *speeds* are described best. A contact that the model meets half a
     period late lies in another valley of the acceleration; of the speed it is a step, and has a slope from wherever it
     is met."""
-    of_speed = altered(found, kept=kept)
+    of_speed = altered(found, lasting=lasting)
     begun = fit(of_speed.moves, found.model, found.at, ROUNDS)
     return fit(found.moves, found.model, begun.at, ROUNDS)
 

@@ -18,7 +18,6 @@ from service.backlash.moves import (
     residuals,
     sample_noise,
     sensor_zero,
-    summed,
 )
 from service.backlash.moves_begun import point_at
 from service.backlash.moves_fit import (
@@ -38,6 +37,7 @@ from service.backlash.moves_fit import (
     values_at,
     within,
 )
+from service.backlash.signals import summed
 from service.captures import read_capture
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_library import DRIVEN
@@ -95,8 +95,8 @@ def test_a_contact_that_is_met_in_another_swing_is_found_by_the_speeds(found: Fi
     right = fit(found.moves, found.model, found.at, ROUNDS)
     other = fit(found.moves, found.model, Point(shared, found.at.local), ROUNDS)
     over = other
-    for kept in SUMMED:
-        over = over_the_ridge(over, kept)
+    for lasting in SUMMED:
+        over = over_the_ridge(over, lasting)
     assert over.rms < 1.05 * right.rms
     assert over.rms < other.rms
 
