@@ -41,8 +41,10 @@ def best(first: Sequence[AxisResult], second: Sequence[AxisResult]) -> tuple[Axi
     """Per axis the refined result (``second``), or the immediate one (``first``) where it stands beside a refusal.
 
     What the fit refuses for the run itself is refused: the plain method looks less closely, its value would be wrong.
+    Where both refuse, the fit's reason counts: it had the last look.
     """
-    return tuple(plain if stands(fit) else fit for plain, fit in zip(first, second, strict=True))
+    pairs = zip(first, second, strict=True)
+    return tuple(plain if stands(fit) and plain.verdict == "ok" else fit for plain, fit in pairs)
 
 
 def stands(fit: AxisResult) -> bool:
