@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -43,14 +44,23 @@ LAW = 0.5
 sensor's noise. Chosen: what the law of its force is at smaller depths no sample shows, and the stronger it is bent, the
 farther from each other the laws that are alike above."""
 
-COMMON: Mapping[str, tuple[str, float]] = {
-    "transmission_ripple": ("ripple_amplitude", np.inf),
-    "contact_nonlinearity": ("bend", 0.2),
+
+class Impurity(NamedTuple):
+    """The number that says how much there is of something, the most that a sound machine has of it, and the most where
+    it is the whole explanation of more than impurities leave."""
+
+    number: str
+    most: float
+    most_of_all: float
+
+
+COMMON: Mapping[str, Impurity] = {
+    "transmission_ripple": Impurity("ripple_amplitude", np.inf, 3e-6),
+    "contact_nonlinearity": Impurity("bend", 0.2, 0.0),
 }
 """What every rack and every flank has a little of, and what is therefore no finding where it does not change the
-backlash, unless it is the whole explanation of more than such impurities leave; with the number that says how much, and
-the most that a sound machine has of it. Steel on steel in line contact has a bend of 1/9; twice that is none. A mesh
-has no such limit: a slow error may be large."""
+backlash. Steel on steel in line contact has a bend of 1/9; twice that is none. A mesh has no limit by itself: a slow
+error may be large; 3 µm [m] are small."""
 SURELY = 2.0
 """Standard deviations by which a number is beyond what a sound machine has."""
 CLEARLY = 0.75
@@ -120,7 +130,7 @@ def finding_of(selection: Selection[Explained]) -> tuple[Finding, tuple[str, ...
         if _little(before) and not (alone and seen) and not clear:
             return nothing, ()
         everything = before.validation_rms > CHANGED and shown(after) <= LEFT_BY_CLEAN
-        if common and not everything:
+        if common and not (everything and not _common(selection, of_all=True)):
             return "none", ()
     error = left if len(effects) == 1 else shown
     near = error(after) <= (LEFT_BY_ONE if alone else LEFT) and after.validation_rms <= CHANGED
@@ -137,14 +147,15 @@ def _fitted_too(before: Trial[Explained], after: Trial[Explained]) -> bool:
     return gone or after.train_rms <= LEFT
 
 
-def _common(selection: Selection[Explained]) -> bool:
+def _common(selection: Selection[Explained], of_all: bool = False) -> bool:
     """Whether all that was found is what every sound machine has, and as much as such a machine may have."""
     if not COMMON.keys() >= set(selection.effects):
         return False
     numbers = _deviations(selection.after.model.fitted)
     for effect in selection.effects:
-        number, most = COMMON[effect]
-        of_axes = [both for name, both in numbers.items() if name.rpartition(".")[2] == number]
+        impurity = COMMON[effect]
+        most = impurity.most_of_all if of_all else impurity.most
+        of_axes = [both for name, both in numbers.items() if name.rpartition(".")[2] == impurity.number]
         if any(abs(value) - SURELY * std > most for value, std in of_axes):
             return False
     return True

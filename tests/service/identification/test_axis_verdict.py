@@ -98,6 +98,15 @@ def test_what_every_rack_has_is_a_finding_only_where_it_matters_or_is_everything
     assert axis_verdict.finding_of(selection)[0] == found
 
 
+def test_a_mesh_error_of_three_micrometres_that_leaves_the_backlash_alone_is_none(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: (50e-6, 1e-7))
+    monkeypatch.setattr(axis_verdict, "_deviations", lambda _fitted: {"X1.ripple_amplitude": (3.1e-6, 2e-7)})
+    selection = Selection(trial(3.0, 8.0), trial(1.0, 1.1), ("transmission_ripple",), (), ())
+    assert axis_verdict.finding_of(selection) == ("none", ())
+
+
 @pytest.mark.parametrize(
     ("name", "train", "after", "found"),
     [
