@@ -9,14 +9,13 @@ from service.backlash.signals import StepSignals, axis_signals, step_signals
 from service.recording import Recording
 
 
-def admit(recording: Recording, axis: str, *, ask: bool = False) -> Refusal | None:
-    """Why the recording of an axis cannot be analysed by any method, or None: samples, units, signs, sensors; with
-    `ask` the machine is asked where it is in doubt on which side of a gantry a sensor sits, which takes seconds."""
+def admit(recording: Recording, axis: str) -> Refusal | None:
+    """Why the recording of an axis cannot be analysed by any method, or None: samples, units, signs, sensors."""
     refusal = plausibility.recorded(recording, axis) or accompanied(recording, axis)
     if refusal:
         return refusal
     steps = list(whole_steps(recording, axis).values())
-    return plausibility.moved(recording, axis, steps) or paired(recording, axis, ask=ask)
+    return plausibility.moved(recording, axis, steps) or paired(recording, axis)
 
 
 def accompanied(recording: Recording, axis: str) -> Refusal | None:

@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from service.backlash.admission import admit
 from service.backlash.meaning import at_each_place
 from service.backlash.model_fit import METHOD, model_fit_axes
+from service.backlash.pairing import swapped
 from service.backlash.paper import paper
 from service.backlash.results import OF_THE_METHOD, AxisResult, Reason, Refusal
 from service.recording import Recording
@@ -29,12 +30,21 @@ def refined(recording: Recording) -> tuple[AxisResult, ...]:
 
 def _refined(recording: Recording) -> tuple[AxisResult, ...]:
     """The fits of one place."""
-    refusals = {axis.name: admit(recording, axis.name, ask=True) for axis in recording.axes}
+    refusals = {axis.name: admit(recording, axis.name) for axis in recording.axes}
+    for pair in recording.gantry:
+        doubted = [name for name in pair if in_doubt(refusals.get(name))]
+        if doubted:
+            refusals |= dict.fromkeys(doubted, swapped(recording, pair))
     results: dict[str, AxisResult] = {}
     for axis in recording.axes:
         if axis.name not in results:
             results |= _fitted(recording, axis.name, refusals)
     return tuple(results[axis.name] for axis in recording.axes)
+
+
+def in_doubt(refusal: Refusal | None) -> bool:
+    """Whether an axis is refused only until the machine was asked on which side its sensor sits."""
+    return refusal is not None and refusal.reason is Reason.SENSORS_IN_DOUBT
 
 
 def best(first: Sequence[AxisResult], second: Sequence[AxisResult]) -> tuple[AxisResult, ...]:

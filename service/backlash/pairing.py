@@ -31,16 +31,11 @@ FEWEST = 10
 
 CLEAR = 3.0
 """Standard errors by which the sensors have to fit their own motors better for no doubt to be left. Chosen: asking the
-machine takes some 2 s, and at three one sound gantry in fifty has to be asked."""
+machine takes seconds, and at three few sound gantries have to be asked."""
 
 
-def paired(recording: Recording, axis: str, *, ask: bool = True) -> Refusal | None:
-    """Refuse the axis of a gantry whose accelerometer fits the partner's motor better than its own.
-
-    Parameters
-    ----------
-    ask : whether the machine is asked where the blows leave a doubt; without, the doubt is what is refused for
-    """
+def paired(recording: Recording, axis: str) -> Refusal | None:
+    """Refuse the axis of a gantry whose blows leave a doubt whether its accelerometer is its own."""
     partner = recording.partner(axis)
     if partner is None or recording.trace(partner, "acceleration") is None:
         return None
@@ -50,18 +45,22 @@ def paired(recording: Recording, axis: str, *, ask: bool = True) -> Refusal | No
     better = own_over_crossed(here, there, recording.moves)
     if len(better) == 0 or clear(better):
         return None
-    if not ask:
-        return Refusal(
-            Reason.SENSORS_IN_DOUBT,
-            f"What the accelerometers of {axis} and {partner} feel does not tell at once which sits on which side: "
-            "both gaps are passed at the same time, or the sensors are swapped; wait for the model fit, which decides.",
-        )
-    if not explained_exchanged(recording, axis, partner):
+    return Refusal(
+        Reason.SENSORS_IN_DOUBT,
+        f"What the accelerometers of {axis} and {partner} feel does not tell at once which sits on which side: "
+        "both gaps are passed at the same time, or the sensors are swapped; wait for the model fit, which decides.",
+    )
+
+
+def swapped(recording: Recording, pair: tuple[str, str]) -> Refusal | None:
+    """Refuse a gantry that explains the recording better with its accelerometers exchanged: the machine is asked."""
+    first, second = pair
+    if not explained_exchanged(recording, first, second):
         return None
     return Refusal(
         Reason.SENSORS_SWAPPED,
-        f"What the accelerometer of {axis} feels fits the motor of {partner} better than its own; the two "
-        "sensors of the gantry are swapped: exchange their cables or their ids.",
+        f"What the accelerometers of {first} and {second} feel fits the motor of the other side better than their own; "
+        "the two sensors of the gantry are swapped: exchange their cables or their ids.",
     )
 
 

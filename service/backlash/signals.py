@@ -150,13 +150,12 @@ def even(trace: Trace) -> Even:
     steps = np.diff(trace.time)
     ticks = np.maximum(1.0, np.round(steps / np.median(steps)))
     counter = np.concatenate(([0.0], np.cumsum(ticks)))
-    apart, middle = counter - np.mean(counter), float(np.mean(trace.time))
-    period = float(np.sum(apart * (trace.time - middle)) / np.sum(apart**2))
-    start = middle - period * float(np.mean(counter))
+    first = float(trace.time[0])
+    period, start = np.polyfit(counter, trace.time - first, 1)
     grid = np.arange(counter[-1] + 1.0)
     lost = np.ones(len(grid), bool)
     lost[counter.astype(int)] = False
-    return Even(start, period, np.interp(grid, counter, trace.value), lost)
+    return Even(first + float(start), float(period), np.interp(grid, counter, trace.value), lost)
 
 
 def standstill(trace: Trace, moves: tuple[Move, ...]) -> BoolArray:

@@ -27,8 +27,7 @@ from service.recording import FloatArray
 LEFT_BY_CLEAN = 1.25
 """RMS over what is expected up to which what is left may be next to nothing (chosen)."""
 SEARCHED = 1.15
-"""RMS that shows from which on what is missing is searched for (chosen: a second gap of a third of the first leaves so
-little, and the backlash is off by it)."""
+"""RMS that shows from which on what is missing is searched for (chosen)."""
 LEFT = 1.6
 """Held-out RMS over the noise up to which the named effects count as the whole explanation (chosen)."""
 LEFT_BY_ONE = 3.0
@@ -122,15 +121,14 @@ def finding_of(selection: Selection[Explained]) -> tuple[Finding, tuple[str, ...
         return nothing, ()
     alone = len(effects) == 1 and explained(before, after)
     if not _matters(selection):
-        common = _common(selection)
         seen = max(before.train_rms, before.validation_rms) > SMALL
-        uncommon = not common and left(before) > LEFT_BY_CLEAN
-        clear = uncommon and len(effects) == 1 and explained(before, after, CLEARLY)
-        clear = clear and after.validation_rms <= LEFT_BY_CLEAN
+        uncommon = not _common(selection) and left(before) > LEFT_BY_CLEAN
+        clearly = after.validation_rms <= LEFT_BY_CLEAN and explained(before, after, CLEARLY)
+        clear = uncommon and len(effects) == 1 and clearly
         if _little(before) and not (alone and seen) and not clear:
             return nothing, ()
         everything = before.validation_rms > CHANGED and shown(after) <= LEFT_BY_CLEAN
-        if common and not (everything and not _common(selection, of_all=True)):
+        if _common(selection, everything):
             return "none", ()
     error = left if len(effects) == 1 else shown
     near = error(after) <= (LEFT_BY_ONE if alone else LEFT) and after.validation_rms <= CHANGED
@@ -147,14 +145,15 @@ def _fitted_too(before: Trial[Explained], after: Trial[Explained]) -> bool:
     return gone or after.train_rms <= LEFT
 
 
-def _common(selection: Selection[Explained], of_all: bool = False) -> bool:
-    """Whether all that was found is what every sound machine has, and as much as such a machine may have."""
+def _common(selection: Selection[Explained], everything: bool = False) -> bool:
+    """Whether all that was found is what every sound machine has, and as much as such a machine may have; less
+    where it explains `everything` of more than impurities leave."""
     if not COMMON.keys() >= set(selection.effects):
         return False
     numbers = _deviations(selection.after.model.fitted)
     for effect in selection.effects:
         impurity = COMMON[effect]
-        most = impurity.most_of_all if of_all else impurity.most
+        most = impurity.most_of_all if everything else impurity.most
         of_axes = [both for name, both in numbers.items() if name.rpartition(".")[2] == impurity.number]
         if any(abs(value) - SURELY * std > most for value, std in of_axes):
             return False

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -272,17 +271,16 @@ def steady(found: Fitted) -> Fitted:
     wander as the noise of its speed lets it. A hopeless fit stays what it is."""
     if found.rms >= HOPELESS:
         return found
-    white = agreed(altered(found, white=True))
+    white = agreed(whitened(found, True))
     for lasting in SUMMED:
         other = over_the_ridge(white, lasting)
         white = agreed(other) if other.rms < RIDGE * white.rms else white
-    moves = tuple(replace(m, white=False) for m in white.moves)
-    return fit(moves, found.model, white.at, 0)
+    return whitened(white, False)
 
 
-def altered(found: Fitted, **changed: Any) -> Fitted:
-    """The fit at the same point, its moves changed."""
-    moves = tuple(replace(m, **changed) for m in found.moves)
+def whitened(found: Fitted, white: bool) -> Fitted:
+    """The fit at the same point, its residuals whitened or not."""
+    moves = [replace(m, white=white) for m in found.moves]
     return fit(moves, found.model, found.at, 0, free=found.free)
 
 
@@ -300,8 +298,8 @@ def over_the_ridge(found: Fitted, lasting: float) -> Fitted:
     """The fit begun once more where the loads' *speeds* are described best. A contact that the model meets half a
     period late lies in another valley of the acceleration; of the speed it is a step, and has a slope from wherever it
     is met."""
-    of_speed = altered(found, lasting=lasting)
-    begun = fit(of_speed.moves, found.model, found.at, ROUNDS)
+    of_speed = [replace(m, lasting=lasting) for m in found.moves]
+    begun = fit(of_speed, found.model, found.at, ROUNDS)
     return fit(found.moves, found.model, begun.at, ROUNDS)
 
 
