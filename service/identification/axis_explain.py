@@ -13,7 +13,7 @@ from service.identification.explanation import AxisExplanation
 from service.identification.held_out import trial_of
 from service.identification.moves_search import challenged, ended, propose, settled
 from service.identification.scene import declared_fit, scene_of
-from service.identification.selection import select
+from service.identification.selection import Limits, select
 from service.recording import Recording
 
 MATERIAL = 0.1
@@ -47,11 +47,7 @@ def explain_axes(
             refine=lambda trial: ended(scene, trial),
             tell=tell,
             challenge=lambda present, best: challenged(scene, present, best),
-            material=MATERIAL,
-            enough=SEARCHED,
-            further=FURTHER,
-            last=LEFT_BY_ONE,
-            most=MOST,
+            limits=Limits(MATERIAL, SEARCHED, FURTHER, LEFT_BY_ONE, MOST),
             size=lambda trial: len(trial.model.fitted.model.parameters),
             contains=lambda name: DRIVEN[name].contains,
         )

@@ -21,7 +21,7 @@ from service.identification.explanation import (
 )
 from service.identification.held_out import Explained, Held, rms
 from service.identification.scene import Scene
-from service.identification.selection import Selection, Trial, explained, left, shown
+from service.identification.selection import Selection, Trial, explained, gone, left, shown
 from service.recording import FloatArray
 
 LEFT_BY_CLEAN = 1.25
@@ -141,8 +141,7 @@ def finding_of(selection: Selection[Explained]) -> tuple[Finding, tuple[str, ...
 def _fitted_too(before: Trial[Explained], after: Trial[Explained]) -> bool:
     """Whether as large a part is gone from the moves that were fitted, or little is left there: what predicts other
     moves and leaves those that it was fitted to as they were is not what acts."""
-    gone = after.train_rms**2 - 1.0 <= (1.0 - PART) * (before.train_rms**2 - 1.0)
-    return gone or after.train_rms <= LEFT
+    return gone(before.train_rms, after.train_rms, PART) or after.train_rms <= LEFT
 
 
 def _common(selection: Selection[Explained], everything: bool = False) -> bool:

@@ -41,6 +41,8 @@ APART = 0.5
 """Difference in any of an effect's numbers, in standard deviations of its prior, that makes it another."""
 FEW, BRIEF = 4, 5
 """Moves and rounds with which starts are compared."""
+GLIMPSE = 2
+"""Rounds after which a candidate is given up that is far off."""
 HALVED = 3
 """How often the better half of the fits of what swings is continued."""
 ENDED = 1.05
@@ -140,9 +142,9 @@ def unanswering(moves: Sequence[Moves]) -> tuple[Moves, ...]:
 def likely(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:
     """Values from which the candidate mostly finds to its best fit: its best shapes on the present model, the first on
     the machine as the estimator and the smooth fit find it, and what is heard between the moves."""
-    if candidate.effect.many_valleys:
-        return everywhere(scene, found, candidate)
     shapes = scored(found, candidate, values_at(found))[:SHAPES]
+    if candidate.effect.many_valleys:
+        return shapes[:1]
     at_places = (
         on_machine(scene.rich, found, candidate, shapes[0]),
         on_machine(scene.smooth, found, candidate, shapes[0]),
@@ -153,7 +155,7 @@ def likely(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:
 def less_likely(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:
     """The other places, and the same with the numbers put back that a wrong model drives into a corner."""
     if candidate.effect.many_valleys:
-        return []
+        return everywhere(scene, found, candidate)
     own, kept = own_and_kept(candidate)
     shape = scored(found, candidate, values_at(found))[0]
     at_rich = {k: v for k, v in scene.rich.items() if k in kept and not k.endswith(PUT_BACK)}
@@ -194,10 +196,10 @@ def as_heard(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:
 
 def everywhere(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:
     """All shapes at every place, with the chain between motor and flanks put back: what was not in the model has gone
-    into its masses and springs. None where more is missing than the effect can do: one shape at the present fit."""
+    into its masses and springs. None where more is missing than the effect can do."""
     present, effect = values_at(found), candidate.effect
     if found.rms > TOO_MUCH:
-        return scored(found, candidate, present)[:1]
+        return []
     kept = {
         p.name for p in candidate.model.parameters if p.name.rpartition(".")[2] not in chain(candidate.model)
     }
@@ -252,14 +254,19 @@ def noted(found: Fitted, moves: Sequence[Moves]) -> Brief:
     return Brief(found.model, found.rms, values_at(found), alike(moves, found))
 
 
-def first_look(scene: Scene, found: Fitted, candidate: Candidate) -> list[Fitted]:
-    """Fits of a few moves from where the candidate mostly finds to its best one."""
+def glimpsed(scene: Scene, found: Fitted, candidate: Candidate) -> list[Fitted]:
+    """Fits of a few moves, begun where the candidate mostly finds to its best one."""
     few = fewer(found)
     values = likely(scene, found, candidate)
     starts = [added(found, candidate, values[0]), *(point_at(candidate.model, one, few) for one in values)]
-    looks = [fit(few, candidate.model, at, BRIEF) for at in starts]
+    return [fit(few, candidate.model, at, GLIMPSE) for at in starts]
+
+
+def looked_at(glimpses: Sequence[Fitted]) -> list[Fitted]:
+    """The fits continued, the best of them as long again."""
+    looks = [fit(f.moves, f.model, f.at, BRIEF - GLIMPSE) for f in glimpses]
     best = min(looks, key=lambda f: f.rms)
-    return [*looks, fit(few, candidate.model, best.at, BRIEF)]
+    return [*looks, fit(best.moves, best.model, best.at, BRIEF)]
 
 
 def added(found: Fitted, candidate: Candidate, values: Values) -> Point:
@@ -301,18 +308,39 @@ def best_looks(looks: Sequence[Fitted], found: Fitted, candidate: Candidate) -> 
 def compared(
     scene: Scene, found: Fitted, library: Sequence[Candidate], known: float = np.inf
 ) -> dict[str, list[Brief]]:
-    """The best fits of a few moves of every candidate, by name. All are looked at once; those that may still come to be
-    the best, also of what is `known` by its RMS, and are not as near as a right one comes, a second time from more
-    starts; where one comes as near, only those that come half the way to it."""
-    looks = {candidate.name: first_look(scene, found, candidate) for candidate in library}
-    nearest = {name: min(fit.rms for fit in fits) for name, fits in looks.items()}
-    least = min([known, *nearest.values()])
-    hopeful = FAR_OFF * least if least > ENDED else min(FAR_OFF * least, 0.5 * (least + found.rms))
-    lacking = [one for one in library if ENDED < nearest[one.name] < hopeful]
+    """The best fits of a few moves of every candidate, by name. All are begun; those that are not far off what is
+    nearest, also of what is `known` by its RMS, are looked at, and if they are not as near as a right one comes, a
+    second time from more starts; where one comes as near, only those that come half the way to it. Of many valleys the
+    first look tells little."""
+    looks = {one.name: glimpsed(scene, found, one) for one in library}
+    least = min([known, *map(nearest, looks.values())])
+    hopeful = [one for one in library if nearest(looks[one.name]) < FAR_OFF * least]
+    looks |= {one.name: looked_at(looks[one.name]) for one in hopeful}
+    least = min([known, *map(nearest, looks.values())])
+    far = FAR_OFF * least if least > ENDED else min(FAR_OFF * least, 0.5 * (least + found.rms))
+    lacking = [one for one in hopeful if ENDED < nearest(looks[one.name]) < far]
+    if least > ENDED:
+        lacking += [one for one in library if one.effect.many_valleys and one not in lacking]
     at_places = grounds(scene, found) if lacking else []
-    for candidate in lacking:
-        looks[candidate.name] += second_look(scene, found, at_places, candidate)
-    return {candidate.name: best_looks(looks[candidate.name], found, candidate) for candidate in library}
+    for one in lacking:
+        looks[one.name] += second_look(scene, found, at_places, one)
+    followed = [*hopeful, *lacking]
+    return {
+        one.name: best_looks(looks[one.name], found, one)
+        if one in followed
+        else glanced(looks[one.name], found)
+        for one in library
+    }
+
+
+def glanced(fits: Sequence[Fitted], found: Fitted) -> list[Brief]:
+    """The best of the fits as it is."""
+    return [noted(min(fits, key=lambda f: f.rms), found.moves)]
+
+
+def nearest(fits: Sequence[Fitted]) -> float:
+    """The RMS of the best of them."""
+    return min(f.rms for f in fits)
 
 
 def better_half_on(fits: Sequence[Fitted]) -> list[Fitted]:

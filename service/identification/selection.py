@@ -90,9 +90,14 @@ def shown(trial: Trial[ModelT]) -> float:
     return max(trial.train_rms, trial.validation_rms / UNKNOWN_NUMBERS)
 
 
+def gone(before: float, after: float, share: float) -> bool:
+    """Whether so large a share of the variance beyond what is expected is gone, by two RMS over what is expected."""
+    return after**2 - 1.0 <= (1.0 - share) * (before**2 - 1.0)
+
+
 def explained(before: Trial[ModelT], after: Trial[ModelT], share: float = EXPLAINED) -> bool:
-    """Whether so large a share of the held-out variance beyond what is expected is gone; by default nearly all."""
-    return after.validation_rms**2 - 1.0 <= (1.0 - share) * (before.validation_rms**2 - 1.0)
+    """Whether so large a share of what is missing in the held-out moves is gone; by default nearly all."""
+    return gone(before.validation_rms, after.validation_rms, share)
 
 
 def leads_on(first: Trial[ModelT], present: Trial[ModelT], taken: int, most: int) -> bool:
@@ -139,67 +144,98 @@ def independent_samples(errors: FloatArray) -> float:
     return len(errors) * (1.0 - rho) / (1.0 + rho)
 
 
+@dataclass(frozen=True)
+class Limits:
+    """When an effect is taken, and when the search ends.
+
+    Attributes
+    ----------
+    material : share of the held-out RMS that an effect must remove
+    enough : RMS of ``shown`` (after a first effect: of ``left``) at which nothing is left to explain
+    further : the same two for every effect after the first, where what is left may be the fit's own imperfection; with
+        it the search ends with an effect that is ``explained`` by itself and leaves no more than ``last``, and where no
+        ``most`` effects can explain everything
+    """
+
+    material: float = MATERIAL
+    enough: float = 0.0
+    further: tuple[float, float] | None = None
+    last: float = np.inf
+    most: int = MAX_EFFECTS
+
+    def of_next(self, taken: Sequence[str]) -> tuple[float, float]:
+        """``material`` and ``enough`` for the effect after those that were taken."""
+        return self.further if taken and self.further else (self.material, self.enough)
+
+    @property
+    def of_containing(self) -> float:
+        """Share by which an effect must come nearer than one that it contains: as much as a further one."""
+        return self.further[0] if self.further else self.material
+
+    def reached(self, first: Trial[ModelT], present: Trial[ModelT], taken: int) -> bool:
+        """Whether the search ends with what was taken."""
+        if not self.further:
+            return False
+        alone = explained(first, present) and left(present) <= self.last
+        return alone or not leads_on(first, present, taken, self.most)
+
+
+ORDINARY = Limits()
+
+
 def select(
     before: Trial[ModelT],
     propose: Callable[[Trial[ModelT], tuple[str, ...]], Mapping[str, Trial[ModelT]]],
     refine: Callable[[Trial[ModelT]], Trial[ModelT]] = lambda trial: trial,
     tell: Callable[[str], None] = lambda _message: None,
     challenge: Callable[[Trial[ModelT], Trial[ModelT]], Trial[ModelT]] = lambda present, _best: present,
-    material: float = MATERIAL,
-    enough: float = 0.0,
-    further: tuple[float, float] | None = None,
-    last: float = np.inf,
-    most: int = MAX_EFFECTS,
+    limits: Limits = ORDINARY,
     size: Callable[[Trial[ModelT]], int] = lambda _trial: 0,
     contains: Callable[[str], Sequence[str]] = lambda _name: (),
 ) -> Selection[ModelT]:
-    """Add effects one after the other until none is significant and material.
+    """Add effects one after the other until none is significant and material. It also ends where the truth is only
+    ``imitated``.
 
     ``propose(trial, taken)`` returns the fitted trial of every candidate added to the present model;
     ``refine`` refits the one that was taken together with those before it; ``challenge(present, best)`` gives
     the present model another chance from where the best candidate ended, so that no effect is named for having
-    led the fit out of a poor valley. ``material`` is the share of the held-out RMS that an effect must remove,
-    ``enough`` the RMS of ``shown`` (after a first effect: of ``left``) at which nothing is left to explain;
-    ``further`` the same two for every effect after the first, where what is left may be the fit's own imperfection;
-    with it the search ends with an effect that is ``explained`` by itself, and leaves no more than ``last``, and where
-    no ``most`` effects can explain everything. It also ends where the truth is only ``imitated``.
-    ``size`` is a model's number of parameters: of effects that come equally near the one with the fewest is taken.
-    ``contains`` names the effects that one becomes when some of its numbers are zero: it is passed over for them unless
-    it removes as much more as a further effect must, and it is no rival of theirs; taken after them, it is named in
-    their place.
+    led the fit out of a poor valley. ``size`` is a model's number of parameters: of effects that come equally near the
+    one with the fewest is taken. ``contains`` names the effects that one becomes when some of its numbers are zero: it
+    is passed over for them unless it removes as much more as a further effect must, and it is no rival of theirs;
+    taken after them, it is named in their place.
     """
     present: Trial[ModelT] = before
     taken: tuple[str, ...] = ()
     first = before
     log: list[Candidate] = []
     rivals: list[tuple[str, str]] = []
-    missing = shown
-    while len(taken) < most and missing(present) > enough:
+    while len(taken) < limits.most:
+        missing = left if taken else shown
+        material, enough = limits.of_next(taken)
+        if missing(present) <= enough:
+            break
         trials = propose(present, taken)
         present = challenge(present, min(trials.values(), key=distance))
         first = first if taken else present
         if missing(present) <= enough:
             break
         judged = {n: _judge(n, present, trial, len(trials), material) for n, trial in trials.items()}
-        more = (further or (material, enough))[0]
-        passed = _without_containing([n for n, c in judged.items() if c.accepted], trials, contains, more)
-        log = [c for c in log if c.effect not in judged]
+        accepted = [name for name, candidate in judged.items() if candidate.accepted]
+        passed = _without_containing(accepted, trials, contains, limits.of_containing)
+        log = [candidate for candidate in log if candidate.effect not in judged]
         nearest = min((trials[name] for name in passed), key=distance, default=None)
         if nearest is None or imitated(present, trials, nearest):
             log += judged.values()
             break
-        least = distance(nearest)
-        near = [name for name in passed if distance(trials[name]) <= (1.0 + NEAR) * least]
+        near = [name for name in passed if distance(trials[name]) <= (1.0 + NEAR) * distance(nearest)]
         best = min(near, key=lambda name: (size(trials[name]), distance(trials[name])))
         log += [_only(best, candidate) for candidate in judged.values()]
         rivals += [(best, name) for name in passed if name != best and _alike(trials[best], trials[name])]
         refined = refine(trials[best])
         worse = distance(refined) > (1.0 + NEAR) * distance(trials[best])
         present, taken = trials[best] if worse else refined, (*taken, best)
-        material, enough, missing = *(further or (material, enough)), left
         tell(f"{best}: held-out RMS {present.validation_rms:.4g}")
-        alone = explained(first, present) and left(present) <= last
-        if further and (alone or not leads_on(first, present, len(taken), most)):
+        if limits.reached(first, present, len(taken)):
             break
     named = tuple(n for n in taken if not any(n in contains(other) for other in taken))
     return Selection(first, present, named, tuple(log), tuple(r for r in rivals if r[0] in named))

@@ -10,7 +10,7 @@ import pytest
 from service.dynamics.effects.driven_library import DRIVEN
 from service.identification.explanation import Explanation
 from service.identification.regression_effects import play
-from service.identification.selection import Trial, gain_p_value, select
+from service.identification.selection import Limits, Trial, gain_p_value, select
 
 
 def trial(rms: float, seed: int, noise: float = 0.0) -> Trial[str]:
@@ -47,7 +47,9 @@ def test_of_two_that_come_equally_near_the_smaller_is_taken() -> None:
         "small": replace(trial(0.50, 0), model="one"),
     }
     for size, first in ((lambda t: len(t.model), "small"), (lambda _t: 0, "large")):
-        found = select(trial(1.0, 0), lambda _p, taken: {} if taken else trials, enough=0.6, size=size)
+        found = select(
+            trial(1.0, 0), lambda _p, taken: {} if taken else trials, limits=Limits(enough=0.6), size=size
+        )
         assert found.effects == (first,)
 
 
@@ -59,7 +61,7 @@ def test_what_was_fitted_to_the_end_is_kept_unless_it_predicts_far_worse(refined
         before,
         lambda _present, _taken: {"sensor_gain": trial(1.0, 1)},
         refine=lambda _trial: trial(refined, 2),
-        most=1,
+        limits=Limits(most=1),
     )
     assert done.after.validation_rms == pytest.approx(kept, rel=0.05)
 
@@ -104,8 +106,7 @@ def test_what_contains_another_is_taken_only_for_a_gain_of_its_own_and_is_no_riv
         found = select(
             trial(1.0, 0),
             lambda _p, taken, trials=trials: {} if taken else trials,
-            enough=0.6,
-            further=(0.25, 0.6),
+            limits=Limits(enough=0.6, further=(0.25, 0.6)),
             contains=contains,
         )
         assert found.effects == (first,)
@@ -116,7 +117,9 @@ def test_an_error_that_only_the_held_out_moves_show_is_searched_for() -> None:
     """A friction that is curved: at the speed of the train moves alone it looks like any other."""
     for held_out, effects in ((3.0, ("curved",)), (1.5, ())):
         before = replace(trial(held_out, 0), train_rms=1.0)
-        found = select(before, lambda _p, _t: {"curved": trial(1.0, 0)}, enough=1.25, further=(0.25, 1.6))
+        found = select(
+            before, lambda _p, _t: {"curved": trial(1.0, 0)}, limits=Limits(enough=1.25, further=(0.25, 1.6))
+        )
         assert found.effects == effects
 
 
@@ -127,8 +130,7 @@ def test_the_search_ends_with_an_effect_that_explains_nearly_all() -> None:
         found = select(
             trial(before, 0),
             lambda _p, taken: {n: trial(r, 0) for n, r in table.get(taken, {"c": 2.0}).items()},
-            further=(0.25, 1.6),
-            last=last,
+            limits=Limits(further=(0.25, 1.6), last=last),
         )
         assert found.effects == effects
 
@@ -145,9 +147,7 @@ def test_the_search_ends_where_no_effect_explains_as_much_as_several_of_them_wou
         found = select(
             trial(15.0, 0),
             lambda _p, taken, table=table: {n: trial(r, 0) for n, r in table.get(taken, {"c": 2.0}).items()},
-            material=0.05,
-            further=(0.25, 1.6),
-            most=most,
+            limits=Limits(0.05, further=(0.25, 1.6), most=most),
         )
         assert found.effects == effects
 
@@ -185,5 +185,5 @@ def test_what_explains_nearly_all_as_no_such_effect_does_leaves_no_name_to_what_
         "sensor_gain": trial(named, 0),
         "machine_body_mode": replace(trial(1.02, 0), at_limits=("body_damping",)),
     }
-    found = select(trial(2.0, 0), lambda _p, done: {} if done else trials, enough=1.25, material=0.1)
+    found = select(trial(2.0, 0), lambda _p, done: {} if done else trials, limits=Limits(0.1, 1.25))
     assert found.effects == taken
