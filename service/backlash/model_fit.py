@@ -9,7 +9,7 @@ covariance does not know: the misfit, the noise of the input, the scatter of the
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -19,7 +19,7 @@ from service.backlash.interval import half_width_95
 from service.backlash.model_fit_beside import Beside
 from service.backlash.model_fit_data import Measured, measure
 from service.backlash.model_fit_gantry import gantry_fit
-from service.backlash.model_fit_impurity_sizes import by_evidence, likeliest_width
+from service.backlash.model_fit_impurity_sizes import by_evidence, likeliest_width, without_impurities
 from service.backlash.model_fit_input_noise import input_variance
 from service.backlash.model_fit_interval import (
     Linearised,
@@ -29,6 +29,7 @@ from service.backlash.model_fit_interval import (
     noise_variance,
     structure_variance,
 )
+from service.backlash.model_fit_motion import with_following_motors
 from service.backlash.model_fit_profile import widened
 from service.backlash.model_fit_single import single_fit
 from service.backlash.model_fit_stages import (
@@ -37,6 +38,8 @@ from service.backlash.model_fit_stages import (
     Outcome,
     Staged,
     backlashes,
+    following_force,
+    lowest,
 )
 from service.backlash.model_fit_start import closed_form
 from service.backlash.model_fit_whole_moves import Estimate, estimate, together, unsure, whole_moves
@@ -78,6 +81,10 @@ DIRECTIONS_DIFFER = 4.0
 """Difference of the two directions over its standard error from which on something else moves the load: by chance
 in one of 250 runs of ten steps."""
 
+DIRECTIONS_MATTER = (5e-7, 0.01)
+"""Such a difference [m], or share of the backlash, that is no reason to refuse: the half of it is what the value may be
+off by, is as small as the accuracy that is asked for, and is in the interval."""
+
 FAR_OUT = 3.5
 """How many of its prior's standard deviations a mesh error or a bent contact may reach in a sound machine."""
 
@@ -107,6 +114,8 @@ def model_fit_axes(recording: Recording, axis: str) -> dict[str, AxisResult]:
         staged = single_fit(measured, {axis: closed_form(recording, axis)}, SINGLE)
     else:
         staged = gantry_fit(measured, GANTRY)
+    if far_out(staged.best.problem.model, staged.best.fit.point.shared):
+        staged = sound(measured, staged)
     best = staged.best
     linear = linearised(best.problem, best.fit.point)
     beside = Beside(best, linear, likeliest_width(linear, best.fit.misfit))
@@ -114,6 +123,17 @@ def model_fit_axes(recording: Recording, axis: str) -> dict[str, AxisResult]:
     if len(axes) == 1 and unsure(linear, best.fit.misfit, coordinate(best, 0)):
         moves = whole_moves(recording, best)
     return {name: judged(recording, measured, staged, beside, x, moves) for x, name in enumerate(axes)}
+
+
+def sound(measured: Measured, staged: Staged) -> Staged:
+    """A sound machine near by that explains the recording as well as one has to; where there is none, what was found.
+
+    A mesh's slope and a bow of it together may lie along a valley with the backlash, and a fit far out in it.
+    """
+    motors = following_force if len(measured.axes) == 1 else with_following_motors
+    ends = without_impurities(measured, staged.best, motors)
+    best = lowest(ends)
+    return replace(staged, best=best, ends=ends) if best.fit.misfit < MISFIT_LIMIT else staged
 
 
 def unfit_for_use(recording: Recording, axis: str, axes: tuple[str, ...]) -> AxisResult | None:
@@ -290,7 +310,10 @@ def doubt(
     crossed = np.where(np.isfinite(steps.t2), steps.b, np.nan)
     differ = difference(crossed, best.problem.s)
     # A declared gantry's mesh errors pull one side against the other; there the difference widens the interval only.
-    if len(best.problem.model.axes) == 1 and abs(differ.mean) > DIRECTIONS_DIFFER * differ.error:
+    least, portion = DIRECTIONS_MATTER
+    matters = abs(differ.mean) > max(least, portion * float(np.nanmean(steps.b)))
+    sure = abs(differ.mean) > DIRECTIONS_DIFFER * differ.error
+    if len(best.problem.model.axes) == 1 and sure and matters:
         return Refusal(
             Reason.STEPS_DISAGREE,
             f"The two directions differ by {differ.mean * 1e6:+.1f} µm, {abs(differ.mean) / differ.error:.0f} times "

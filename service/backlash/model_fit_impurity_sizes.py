@@ -17,11 +17,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from service.backlash.model_fit_data import Measured
 from service.backlash.model_fit_impurities import MeshError
 from service.backlash.model_fit_interval import Linearised
-from service.backlash.model_fit_problem import FAR, Point
+from service.backlash.model_fit_problem import FAR, Point, Problem
 from service.backlash.model_fit_problem import fit as fit_from
-from service.backlash.model_fit_stages import Outcome
+from service.backlash.model_fit_stages import Outcome, Reconstruction, passes
 from service.dynamics.driven_model import Model
 from service.recording import FloatArray
 
@@ -29,7 +30,8 @@ WIDTHS = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0)
 """Of the impurities' priors, over those of the fit. The least is a mesh error of 0.2 µm: it moves no backlash any more.
 """
 
-ROUNDS = 4
+ROUNDS, PASSES = 4, (8, 6, 6)
+"""Of a fit under another width, and of each pass without impurities."""
 
 
 class Weighed(NamedTuple):
@@ -99,8 +101,19 @@ def likeliest_width(fit: Linearised, misfit: float) -> float:
 
 def narrowed(best: Outcome, width: float) -> Outcome:
     """The best fit, found again under a mesh errors' prior of another width."""
+    problem, at = of_width(best.problem, best.fit.point, width)
+    return Outcome(problem, fit_from(problem, at, ROUNDS, 0.3))
+
+
+def of_width(problem: Problem, at: Point, width: float) -> tuple[Problem, Point]:
+    """The problem with a mesh errors' prior of another width, and the same point of it."""
+    shared = np.where(meshes(problem.model), np.clip(at.shared / width, -FAR, FAR), at.shared)
+    effects = tuple(replace(e, width=width) if isinstance(e, MeshError) else e for e in problem.model.effects)
+    return replace(problem, model=replace(problem.model, effects=effects)), Point(shared, at.local)
+
+
+def without_impurities(measured: Measured, best: Outcome, motors: Reconstruction) -> list[Outcome]:
+    """Passes from the best fit on, its impurities gone and kept small: a sound machine that is near by."""
     model, at = best.problem.model, best.fit.point
-    shared = np.where(meshes(model), np.clip(at.shared / width, -FAR, FAR), at.shared)
-    effects = tuple(replace(e, width=width) if isinstance(e, MeshError) else e for e in model.effects)
-    problem = replace(best.problem, model=replace(model, effects=effects))
-    return Outcome(problem, fit_from(problem, Point(shared, at.local), ROUNDS, 0.3))
+    clean = Point(np.where(meshes(model) | bends(model), 0.0, at.shared), at.local)
+    return passes(measured, *of_width(best.problem, clean, WIDTHS[0]), PASSES, motors)
