@@ -9,6 +9,7 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from service.backlash.contact_steps import REST_BEFORE
+from service.backlash.equivalent_time import interleaved
 from service.backlash.model_fit_problem import Fit, Problem
 from service.dynamics.driven_model import LINKS, Model
 from service.dynamics.driven_motion import StepGrid, on_grid, plain_motion, sample_period
@@ -50,9 +51,11 @@ resonance of the load on the held motor with opposite sign: all of it at once sw
 
 @dataclass(frozen=True)
 class Measured:
-    """What one fit needs of the recording: (X,) noise, (T,) grids, and (T, X) the motors' motion to begin with."""
+    """What one fit needs of the recording: (X,) noise, (T,) grids, and (T, X) the motors' motion to begin with;
+    `closer` is the recording with what moves alike say of a single axis' drive between its samples."""
 
     recording: Recording
+    closer: Recording
     axes: tuple[str, ...]
     noise: FloatArray
     grids: tuple[StepGrid, ...]
@@ -70,6 +73,13 @@ def noise_at_rest(trace: Trace, moves: Sequence[Move]) -> float:
     gantry still moves in its first) does not count; from differences, so that slow motion does not."""
     spreads = [float(np.sqrt(0.5 * np.mean(np.diff(part) ** 2))) for part in rests(trace, moves)]
     return float(np.median(spreads))
+
+
+def digital_noise(trace: Trace, moves: Sequence[Move]) -> float:
+    """Noise of one sample at rest, or that of its last digit where that is more."""
+    levels = np.unique(trace.value)
+    digit = float(np.min(np.diff(levels))) if len(levels) > 1 else 1.0
+    return max(noise_at_rest(trace, moves), digit / float(np.sqrt(12.0)))
 
 
 def bias_at_rest(trace: Trace, moves: Sequence[Move]) -> float:
@@ -117,17 +127,25 @@ def measure(recording: Recording, axes: Sequence[str], steps: Sequence[int]) -> 
     h = sample_period(traces[0])
     bias = np.array([bias_at_rest(trace, recording.moves) for trace in traces])
     noise = np.array([noise_at_rest(trace, recording.moves) for trace in traces])
-    plain = tuple(
-        plain_motion(recording.traces[a, "motor_speed"], recording.axis(a).transmission) for a in axes
-    )
+    closer = with_interleaved_drive(recording, axes[0]) if len(axes) == 1 else recording
+    plain = tuple(plain_motion(closer.traces[a, "motor_speed"], closer.axis(a).transmission) for a in axes)
     grids = [step_grid(recording, axes, i, h, plain, bias) for i in steps]
     K = min(g.measured.shape[1] for g in grids)
     cut = tuple(replace(g, measured=g.measured[:, :K], used=g.used[:, :K]) for g in grids)
     # A gantry's motors also feel the bridge, which no sensor shows.
-    motion = (
-        [(m,) for m in begun(recording, axes[0], cut, plain[0])] if len(axes) == 1 else [plain] * len(cut)
-    )
-    return Measured(recording, tuple(axes), noise, cut, tuple(motion))
+    motion = [(m,) for m in begun(closer, axes[0], cut, plain[0])] if len(axes) == 1 else [plain] * len(cut)
+    return Measured(recording, closer, tuple(axes), noise, cut, tuple(motion))
+
+
+def with_interleaved_drive(recording: Recording, axis: str) -> Recording:
+    """The recording with what moves alike say of a single axis' drive between its samples. Not of a gantry: there the
+    partner rests elsewhere before every move, and of 20 gantries two were refused for it."""
+    keys = [(axis, c) for c in ("motor_speed", "motor_torque") if (axis, c) in recording.traces]
+    closer = {
+        key: interleaved(trace, recording.moves, digital_noise(trace, recording.moves))
+        for key, trace in ((key, recording.traces[key]) for key in keys)
+    }
+    return replace(recording, traces={**recording.traces, **closer})
 
 
 def begun(recording: Recording, axis: str, grids: Sequence[StepGrid], plain: PPoly) -> list[PPoly]:
@@ -161,10 +179,10 @@ def with_reconstructed_motion(
         skew = fit.value(problem.model, f"{axis}.skew")
         loads = [(g.time + skew, fit.response.force[0, t, x]) for t, g in enumerate(problem.grids)]
         before = [motion[x] for motion in problem.motion]
-        motion, balance = reconstructed(measured.recording, axis, loads, before, kept)
+        motion, balance = reconstructed(measured.closer, axis, loads, before, kept)
         motions.append(motion)
         if echoed:
-            speed = measured.recording.traces[axis, "motor_speed"]
+            speed = measured.closer.traces[axis, "motor_speed"]
             so_far = [own[x] for own in problem.echoes] if problem.echoes else [None for _ in loads]
             echoes.append(
                 [echo(speed, load, balance, 1.0 - KEPT, one) for load, one in zip(loads, so_far, strict=True)]

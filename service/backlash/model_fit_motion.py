@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import BSpline
 
-from service.backlash.model_fit_data import Measured, noise_at_rest
+from service.backlash.model_fit_data import Measured, digital_noise
 from service.backlash.model_fit_following import Following, SingleArray
 from service.backlash.model_fit_problem import Fit, Point, Problem, course_at
 from service.dynamics.driven_motion import between
@@ -31,7 +31,7 @@ from service.dynamics.driven_smoothing import (
     reaction,
     reconstructed,
 )
-from service.recording import FloatArray, Move, Trace
+from service.recording import FloatArray
 
 RECOIL = 1.5
 """Ω of the motors' recoil times the period of the speed samples: about where these begin to hold the motion."""
@@ -128,13 +128,6 @@ def noise_of_motor(measured: Measured, x: int) -> Spreads:
     of_speed = digital_noise(speed, recording.moves) * recording.axis(axis).transmission
     of_torque = 1.0 if torque is None else digital_noise(torque, recording.moves)
     return Spreads(of_speed, of_torque, LEAST_BEND * of_speed)
-
-
-def digital_noise(trace: Trace, moves: Sequence[Move]) -> float:
-    """Noise of one sample at rest, or that of its last digit where that is more."""
-    levels = np.unique(trace.value)
-    digit = float(np.min(np.diff(levels))) if len(levels) > 1 else 1.0
-    return max(noise_at_rest(trace, moves), digit / float(np.sqrt(12.0)))
 
 
 def balance_in(

@@ -32,12 +32,10 @@ def test_refits_of_noisier_speeds_scatter_by_what_is_expected(shared_dir: Path) 
     sigma, found = sample_noise(speed, recording), []
     for _ in range(DRAWS):
         noisier = replace(speed, value=speed.value + rng.normal(0.0, sigma, len(speed)))
-        again = replace(
-            measured,
-            recording=replace(recording, traces={**recording.traces, ("X1", "motor_speed"): noisier}),
-        )
+        traces = {**recording.traces, ("X1", "motor_speed"): noisier}
+        again = measure(replace(recording, traces=traces), ("X1",), range(len(recording.moves)))
         problem = following_force(
-            again, replace(best.problem, motion=measured.motion, echoes=(), force=None), best.fit
+            again, replace(best.problem, motion=again.motion, echoes=(), force=None), best.fit
         )
         found.append(float(backlashes(problem, fit(problem, best.fit.point, 6, 0.3))[0]))
     assert 0.6 < np.std(found) / expected < 1.7
