@@ -26,12 +26,14 @@ PER_PERIOD = 4
 PASSED = 0.5
 """Frequency that the common course has lost half of, times the distance of its samples: 0.5 is the most they show."""
 ALIKE = 2.0
-"""Root mean square that moves may differ by from their common course, over the noise (chosen: with 5 as many fits of
-single axes became worse as better)."""
+"""Root mean square that moves may differ by from their common course, over the noise (chosen)."""
 FEWEST = 3
 """Moves that are alike by more than chance."""
 CLOSE = 0.7
 """Greatest distance of the common course's samples, over a period, at which it tells more than any of the moves."""
+UNEVEN = (0.9, 0.7)
+"""Quantile of its samples' distances, and the share of it, that the course is at least as smooth as (chosen): phases
+lie unevenly."""
 AT_ONCE = 2e-5
 """Time within which samples are taken as one [s]."""
 
@@ -62,7 +64,8 @@ def common(since: Sequence[FloatArray], values: Sequence[FloatArray]) -> Common:
     mean = np.bincount(together, np.concatenate(values)[order]) / count
     distance = np.diff(at)
     spacing = float(distance.mean())
-    slowest = max(spacing, 0.7 * float(np.quantile(distance, 0.9)))
+    quantile, share = UNEVEN
+    slowest = max(spacing, share * float(np.quantile(distance, quantile)))
     penalty = (slowest / (2.0 * np.pi * PASSED)) ** 4 / spacing
     course = make_smoothing_spline(at, mean, w=count, lam=penalty)
     apart = [

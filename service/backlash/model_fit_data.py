@@ -138,8 +138,8 @@ def measure(recording: Recording, axes: Sequence[str], steps: Sequence[int]) -> 
 
 
 def with_interleaved_drive(recording: Recording, axis: str) -> Recording:
-    """The recording with what moves alike say of a single axis' drive between its samples. Not of a gantry: there the
-    partner rests elsewhere before every move, and of 20 gantries two were refused for it."""
+    """The recording with what moves alike say of a single axis' drive between its samples. Not of a gantry: before
+    every move its partner rests elsewhere, and pulls differently."""
     keys = [(axis, c) for c in ("motor_speed", "motor_torque") if (axis, c) in recording.traces]
     closer = {
         key: interleaved(trace, recording.moves, digital_noise(trace, recording.moves))
