@@ -81,10 +81,6 @@ DIRECTIONS_DIFFER = 4.0
 """Difference of the two directions over its standard error from which on something else moves the load: by chance
 in one of 250 runs of ten steps."""
 
-DIRECTIONS_MATTER = (5e-7, 0.01)
-"""Such a difference [m], or share of the backlash, that is no reason to refuse: the half of it is what the value may be
-off by, is as small as the accuracy that is asked for, and is in the interval."""
-
 FAR_OUT = 3.5
 """How many of its prior's standard deviations a mesh error or a bent contact may reach in a sound machine."""
 
@@ -310,10 +306,7 @@ def doubt(
     crossed = np.where(np.isfinite(steps.t2), steps.b, np.nan)
     differ = difference(crossed, best.problem.s)
     # A declared gantry's mesh errors pull one side against the other; there the difference widens the interval only.
-    least, portion = DIRECTIONS_MATTER
-    matters = abs(differ.mean) > max(least, portion * float(np.nanmean(steps.b)))
-    sure = abs(differ.mean) > DIRECTIONS_DIFFER * differ.error
-    if len(best.problem.model.axes) == 1 and sure and matters:
+    if len(best.problem.model.axes) == 1 and abs(differ.mean) > DIRECTIONS_DIFFER * differ.error:
         return Refusal(
             Reason.STEPS_DISAGREE,
             f"The two directions differ by {differ.mean * 1e6:+.1f} µm, {abs(differ.mean) / differ.error:.0f} times "
