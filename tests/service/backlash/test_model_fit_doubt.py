@@ -7,15 +7,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from service.backlash import model_fit
-from service.backlash.model_fit import SINGLE, coordinate, far_out, sound
+from service.backlash.model_fit import SINGLE, StepValues, coordinate, doubt, far_out, sound
 from service.backlash.model_fit_data import Measured, measure
 from service.backlash.model_fit_problem import Point, fit
 from service.backlash.model_fit_single import single_fit
 from service.backlash.model_fit_stages import Outcome, Staged
 from service.backlash.model_fit_start import closed_form
+from service.backlash.results import Reason
 from service.captures import read_capture
 
 
@@ -57,3 +59,15 @@ def test_a_fit_that_only_a_mesh_error_explains_stays_doubtful(
     poor: Any = replace(found.best, fit=replace(found.best.fit, misfit=1.6))
     monkeypatch.setattr(model_fit, "without_impurities", lambda *_: [poor])
     assert sound(measured, found) is found
+
+
+@pytest.mark.parametrize(("apart", "reason"), [(0.2e-6, None), (3e-6, Reason.STEPS_DISAGREE)])
+def test_directions_that_differ_are_a_reason_to_refuse_where_it_matters(
+    staged: tuple[Measured, Staged], apart: float, reason: Reason | None
+) -> None:
+    """Ten steps that scatter by 10 nm: both differences are sure."""
+    measured, best = staged[0], staged[1].best
+    s, b = best.problem.s, float(best.fit.value(best.problem.model, "X1.backlash"))
+    scatter = 1e-8 * np.cos(np.arange(len(s)) // 2)
+    refusal = doubt(measured, best, 0, StepValues(b + 0.5 * apart * s + scatter, 0.01 + 0 * s, 0.02 + 0 * s))
+    assert (refusal and refusal.reason) == reason
