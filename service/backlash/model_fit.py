@@ -83,8 +83,7 @@ in one of 250 runs of ten steps."""
 
 DIRECTIONS_MATTER = (3e-7, 0.005)
 """Difference of the directions [m], or share of the backlash, up to which it is no reason to refuse: no more than the
-accuracy that is asked for, and in the interval. Steps whose motor is known by one another scatter less than they err.
-"""
+accuracy that is asked for, and in the interval (chosen)."""
 
 FAR_OUT = 3.5
 """How many of its prior's standard deviations a mesh error or a bent contact may reach in a sound machine."""
@@ -310,10 +309,10 @@ def doubt(
         )
     crossed = np.where(np.isfinite(steps.t2), steps.b, np.nan)
     differ = difference(crossed, best.problem.s)
-    # A declared gantry's mesh errors pull one side against the other; there the difference widens the interval only.
     least, share_of_b = DIRECTIONS_MATTER
     matters = abs(differ.mean) > max(least, share_of_b * float(np.nanmean(steps.b)))
     sure = abs(differ.mean) > DIRECTIONS_DIFFER * differ.error
+    # A declared gantry's mesh errors pull one side against the other; there the difference widens the interval only.
     if len(best.problem.model.axes) == 1 and sure and matters:
         return Refusal(
             Reason.STEPS_DISAGREE,
