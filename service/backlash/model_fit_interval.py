@@ -11,6 +11,9 @@ structure   What repeats was partly taken up by the parameters, and no residual 
             above what chance allows, the model lacks something; that is taken to be as large as the excess, to last
             as long as a flank's swing and to repeat in every step.
 directions  The gap is the same both ways; a difference beyond the steps' own scatter is half believed either way.
+repeating   Of a single axis: what repeats in every step of a direction is no sensor's noise. Something acts that the
+            model lacks, such as a partner that nobody declared, and of the backlash several times as large a share is
+            in doubt as it leaves of the acceleration.
 
 Nothing here is fitted to any recording: the only numbers are times of the physics.
 
@@ -36,6 +39,12 @@ passage; also the width over which a residual's local size is taken."""
 REMEMBERED = 0.012
 """Longest lag at which residuals are correlated [s]: a contact has swung out by then."""
 
+
+FEWEST = 3
+"""Steps of a direction from which on what repeats in them is told from what does not."""
+
+BY_CHANCE = 0.1
+"""Variance over the noise that may repeat by chance (chosen: three standard errors with five steps of a direction)."""
 
 JUMP = 1.0
 """Difference of the derivatives from both sides that is a jump: over the lesser, and beside one noise a coordinate."""
@@ -177,6 +186,23 @@ def structure_variance(fit: Linearised, k: int, misfit: float) -> float:
     lag = np.arange(together.shape[1]) * fit.grids[0].h
     alike = np.exp(-np.abs(lag[:, None] - lag) / LASTING)
     return float(excess * sum(float(row @ alike @ row) for row in together))
+
+
+def repeating(fit: Linearised) -> float:
+    """What repeats in the steps of each direction, over the noise: its variance beyond what chance leaves in a mean."""
+    residual, found = fit.residual, []
+    direction = np.array([float(grid.s) for grid in fit.grids])
+    for s in (1.0, -1.0):
+        steps = residual[direction == s]
+        count = np.sum(np.isfinite(steps), axis=0)
+        seen = count >= FEWEST
+        if not np.any(seen):
+            continue
+        those, n = steps[:, seen], count[seen]
+        mean = np.nansum(those, axis=0) / n
+        scatter = np.nansum((those - mean) ** 2, axis=0) / (n - 1)
+        found.append(float(np.mean(mean**2 - scatter / n)))
+    return max(0.0, float(np.mean(found)) - BY_CHANCE) if found else 0.0
 
 
 class Difference(NamedTuple):

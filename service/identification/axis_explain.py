@@ -7,13 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from service.dynamics.driven_model import DrivenEffect
 from service.dynamics.effects.driven_library import DRIVEN
+from service.dynamics.effects.driven_sensors import DrivenBias
 from service.identification.axis_verdict import LEFT_BY_ONE, SEARCHED, verdict
 from service.identification.explanation import AxisExplanation
-from service.identification.held_out import trial_of
+from service.identification.held_out import Explained, trial_of
 from service.identification.moves_search import challenged, ended, propose, settled
-from service.identification.scene import declared_fit, scene_of
-from service.identification.selection import Limits, select
+from service.identification.scene import Scene, declared_fit, scene_of
+from service.identification.selection import Limits, Selection, Trial, select
 from service.recording import Recording
 
 MATERIAL = 0.1
@@ -23,6 +25,7 @@ FURTHER = (0.25, 1.6)
 residual is that of a friction curve or an impact slightly off, which many effects imitate (chosen)."""
 MOST = 2
 """Effects that are named of one axis' moves (chosen): each is searched for as long as the first."""
+LIMITS = Limits(MATERIAL, SEARCHED, FURTHER, LEFT_BY_ONE, MOST)
 
 
 def explain_axes(
@@ -41,14 +44,33 @@ def explain_axes(
         scene = replace(scene, train=())
         before = ended(scene, trial_of(scene, found))
         tell(f"declared model: RMS {before.train_rms:.3f}, held out {before.validation_rms:.3f} of the noise")
-        selection = select(
-            before,
-            lambda present, taken: propose(scene, library, present, taken, tell),
-            refine=lambda trial: ended(scene, trial),
-            tell=tell,
-            challenge=lambda present, best: challenged(scene, present, best),
-            limits=Limits(MATERIAL, SEARCHED, FURTHER, LEFT_BY_ONE, MOST),
-            size=lambda trial: len(trial.model.fitted.model.parameters),
-            contains=lambda name: DRIVEN[name].contains,
-        )
+        selection = None
+        if scene.zero_wanders:
+            tell("the accelerometer's zero wanders while the axis rests")
+            selection = searched(scene, before, tell, first=(DrivenBias,))
+        if selection is None or not selection.effects:
+            selection = searched(scene, before, tell)
     return verdict(scene, selection)
+
+
+def searched(
+    scene: Scene,
+    before: Trial[Explained],
+    tell: Callable[[str], None],
+    first: Sequence[type[DrivenEffect]] = (),
+) -> Selection[Explained]:
+    """What is found in the library; with `first`, of which there is evidence beside the moves, begun with nothing else
+    and however little is missing."""
+    library = tuple(DRIVEN.values())
+    return select(
+        before,
+        lambda present, taken: propose(
+            scene, first if first and not taken else library, present, taken, tell
+        ),
+        refine=lambda trial: ended(scene, trial),
+        tell=tell,
+        challenge=lambda present, best: challenged(scene, present, best),
+        limits=replace(LIMITS, enough=0.0) if first else LIMITS,
+        size=lambda trial: len(trial.model.fitted.model.parameters),
+        contains=lambda name: DRIVEN[name].contains,
+    )

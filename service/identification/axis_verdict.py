@@ -78,6 +78,9 @@ CROSSED = 0.6
 STRUCTURE = (0.11e-6, 1.2e-3)
 """Standard deviation of what the structure is worth: floor [m] and share of the backlash, as in the estimator."""
 
+SEEN_AT_REST = ("sensor_bias",)
+"""What a zero that wanders while the axis rests is."""
+
 SPLIT = 0.25
 """Standard deviation of how two gaps in series divide what they are together, as a share of that. Chosen: the fit has a
 valley every few micrometres of the split, and the deepest is not always found."""
@@ -85,7 +88,7 @@ valley every few micrometres of the split, and the deepest is not always found."
 
 def verdict(scene: Scene, selection: Selection[Explained]) -> tuple[AxisExplanation, ...]:
     """One verdict per axis of the scene."""
-    finding, effects = finding_of(selection)
+    finding, effects = finding_of(selection, seen_at_rest=SEEN_AT_REST if scene.zero_wanders else ())
     before = selection.before.model
     after = selection.after.model if finding == "effect" else before
     return tuple(
@@ -113,8 +116,11 @@ def verdict(scene: Scene, selection: Selection[Explained]) -> tuple[AxisExplanat
     )
 
 
-def finding_of(selection: Selection[Explained]) -> tuple[Finding, tuple[str, ...]]:
-    """``effect`` only when the named effects leave near nothing: a part of an unknown is not an explanation."""
+def finding_of(
+    selection: Selection[Explained], seen_at_rest: tuple[str, ...] = ()
+) -> tuple[Finding, tuple[str, ...]]:
+    """``effect`` only when the named effects leave near nothing: a part of an unknown is not an explanation. What was
+    `seen_at_rest`, beside all moves, is no impurity that a fit may imagine."""
     before, after, effects = selection.before, selection.after, selection.effects
     nothing: Finding = "none" if _little(before) and left(after) <= LEFT_BY_CLEAN else "unknown"
     if not effects:
@@ -124,7 +130,7 @@ def finding_of(selection: Selection[Explained]) -> tuple[Finding, tuple[str, ...
         seen = max(before.train_rms, before.validation_rms) > SMALL
         uncommon = not _common(selection) and left(before) > LEFT_BY_CLEAN
         clearly = after.validation_rms <= LEFT_BY_CLEAN and explained(before, after, CLEARLY)
-        clear = uncommon and len(effects) == 1 and clearly
+        clear = effects == seen_at_rest or (uncommon and len(effects) == 1 and clearly)
         if _little(before) and not (alone and seen) and not clear:
             return nothing, ()
         everything = before.validation_rms > CHANGED and shown(after) <= LEFT_BY_CLEAN

@@ -30,6 +30,7 @@ from service.dynamics.driven_parameters import Values as SetValues
 from service.dynamics.effects.driven_bodies import MotorWander
 from service.identification.bridge_zero import bridge_zero, moved_to
 from service.identification.rest_spectrum import heard_at_rest
+from service.identification.rest_zero import zero_wanders
 from service.recording import FloatArray, Recording
 
 HELD = ("constant", "skew")
@@ -98,6 +99,7 @@ class Scene:
     plain : values that the closed form finds, others typical: no model of the machine that lacks something drives them
     coupled : values that the estimator found for two axes that are not declared to be a gantry as if they were one
     heard : frequency of what swings on between the moves [Hz]; none where only noise is heard
+    zero_wanders : whether an accelerometer's zero goes its way while the axis rests
     """
 
     train: tuple[Moves, ...]
@@ -108,6 +110,7 @@ class Scene:
     coupled: Values
     heard: float | None = None
     plain: Values = field(default_factory=dict)
+    zero_wanders: bool = False
 
     @property
     def places(self) -> tuple[Values, ...]:
@@ -222,7 +225,8 @@ def scene_of(
     last = with_expected_errors(last, smooth, fitted=False)
     heard = heard_at_rest(train[0], axes)
     plain = in_closed_form(train[0], axes, lumps)
-    return Scene(tuple(before), last, declared, places, values_at(smooth), coupled, heard, plain)
+    wanders = any(zero_wanders(recording, axes) for recording in train)
+    return Scene(tuple(before), last, declared, places, values_at(smooth), coupled, heard, plain, wanders)
 
 
 def to_one_zero(recordings: Sequence[Moves], model: Model, place: Values) -> list[Moves]:

@@ -16,6 +16,7 @@ from service.backlash.model_fit_interval import (
     disagreement,
     gentler,
     noise_variance,
+    repeating,
     structure_variance,
 )
 from service.recording import FloatArray
@@ -48,7 +49,7 @@ def test_lost_samples_leave_the_variance_alone() -> None:
 
 def left(residual: FloatArray) -> Linearised:
     """As much of a linearised fit as its residuals (T, K) are judged by."""
-    grids = [SimpleNamespace(h=H)]
+    grids = [SimpleNamespace(h=H, s=(-1) ** t) for t in range(T)]
     fit = SimpleNamespace(residual=residual[:, None], grids=grids, influence=lambda k: influences()[:, None])
     return cast(Linearised, fit)
 
@@ -69,6 +70,24 @@ def test_what_repeats_in_every_step_does_not_average_out() -> None:
         true.append(float(np.sum(psi * residual)) ** 2)
     assert np.mean(told) == pytest.approx(float(np.sum(psi**2)) * (1 + T), rel=0.25)
     assert np.mean(true) == pytest.approx(float(np.sum(psi**2)) * (1 + T), rel=0.5)
+
+
+def test_what_repeats_in_the_steps_of_a_direction_is_told_from_noise() -> None:
+    rng = np.random.default_rng(11)
+    noise = [repeating(left(rng.standard_normal((T, K)))) for _ in range(200)]
+    assert np.mean(np.array(noise) > 0.0) < 0.01
+    of_direction = 0.8 * rng.standard_normal((2, 4000))
+    told = repeating(left(rng.standard_normal((T, 4000)) + np.tile(of_direction, (T // 2, 1))))
+    assert told == pytest.approx(0.64 - 0.1, abs=0.05)
+
+
+def test_a_lost_sample_or_a_direction_of_few_steps_repeats_nothing() -> None:
+    rng = np.random.default_rng(13)
+    residual = rng.standard_normal((T, K))
+    residual[:, ::7] = np.nan
+    assert repeating(left(residual)) == 0.0
+    residual[::2], residual[5:] = 9.0 + residual[::2], np.nan
+    assert repeating(left(residual)) == pytest.approx(81.0, rel=0.05)
 
 
 def linear(influence: FloatArray, samples: int) -> Linearised:

@@ -72,6 +72,15 @@ def test_an_effect_that_shows_at_another_speed_only_is_a_finding_if_it_explains_
     assert axis_verdict.finding_of(selection)[0] == found
 
 
+@pytest.mark.parametrize(("seen", "found"), [(("sensor_bias",), "effect"), ((), "none")])
+def test_what_was_seen_at_rest_is_named_however_little_it_changes_the_backlash(
+    monkeypatch: pytest.MonkeyPatch, seen: tuple[str, ...], found: str
+) -> None:
+    monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: (50e-6, 1e-7))
+    selection = Selection(trial(1.12, 1.2), trial(0.95, 1.0), ("sensor_bias",), (), ())
+    assert axis_verdict.finding_of(selection, seen)[0] == found
+
+
 def test_a_residual_that_is_named_by_nothing_is_no_impurity(monkeypatch: pytest.MonkeyPatch) -> None:
     """What moves the backlash by next to nothing has to explain what is missing."""
     monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: (50e-6, 1e-7))
