@@ -74,9 +74,10 @@ SMALLEST = 1e-6
 never part, a fit may take how their force turns over for a gap of some tenths of a micrometre, and be sure of it."""
 
 MISFIT_LIMIT = 1.5
-UNEXPLAINED = 0.02
-"""Refused where the misfit is above this and its excess over the noise is more than this share of the acceleration.
-The interval grows with the misfit; beyond this, what the model lacks is no small addition to it."""
+UNEXPLAINED, UNEXPLAINED_ALONE = 0.02, 0.04
+"""Refused where the misfit is above this and its excess over the noise is more than this share of the acceleration, of a
+gantry and of a single axis, whose interval takes in what repeats. The interval grows with the misfit; beyond this, what
+the model lacks is no small addition to it."""
 
 LACKED = 8.0
 """Share of the backlash that is in doubt over the share of the acceleration that repeats and is not the model's.
@@ -86,9 +87,9 @@ DIRECTIONS_DIFFER = 4.0
 """Difference of the two directions over its standard error from which on something else moves the load: by chance
 in one of 250 runs of ten steps."""
 
-DIRECTIONS_MATTER = (3e-7, 0.005)
+DIRECTIONS_MATTER = (1e-6, 0.02)
 """Difference of the directions [m], or share of the backlash, up to which it is no reason to refuse: no more than the
-accuracy that is asked for, and in the interval (chosen)."""
+accuracy that is asked of an axis with small impurities, and in the interval (chosen)."""
 
 FAR_OUT = 3.5
 """How many of its prior's standard deviations a mesh error or a bent contact may reach in a sound machine."""
@@ -305,7 +306,8 @@ def doubt(
             "No fit came near the recording from any of its starts: the model is far from the machine, or the channels "
             "do not belong together. Look at the recording; if it looks like any other, please report it.",
         )
-    if best.fit.misfit > MISFIT_LIMIT and share > UNEXPLAINED:
+    alone = len(best.problem.model.axes) == 1
+    if best.fit.misfit > MISFIT_LIMIT and share > (UNEXPLAINED_ALONE if alone else UNEXPLAINED):
         return Refusal(
             Reason.MISFIT,
             f"The model leaves {share:.1%} of the acceleration unexplained, {np.sqrt(best.fit.misfit):.1f} times the "
@@ -326,7 +328,7 @@ def doubt(
     matters = abs(differ.mean) > max(least, share_of_b * float(np.nanmean(steps.b)))
     sure = abs(differ.mean) > DIRECTIONS_DIFFER * differ.error
     # A declared gantry's mesh errors pull one side against the other; there the difference widens the interval only.
-    if len(best.problem.model.axes) == 1 and sure and matters:
+    if alone and sure and matters:
         return Refusal(
             Reason.STEPS_DISAGREE,
             f"The two directions differ by {differ.mean * 1e6:+.1f} µm, {abs(differ.mean) / differ.error:.0f} times "
