@@ -101,13 +101,13 @@ STILL = 0.03
 
 
 def gantry_fit(measured: Measured, effort: Effort) -> Staged:
-    """All stages, and once more from other random machines where the fit is poor and these come nearer along the
-    measured motion: if they do not, what is left is not the search's fault."""
+    """All stages, and once more from other random machines where the fit is poor, already of a few steps, and these
+    come nearer along the measured motion: if they do not, what is left is not the search's fault."""
     few = problem_of(measured, Model(measured.axes, 1), local_spread(Model(measured.axes, 1)))
     few = few.first_steps(SEARCH_STEPS).along_measured()
     balanced = balanced_fits(few, effort)
     found = simulated_from(measured, few, balanced, effort)
-    if found.best.fit.misfit < POOR:
+    if min(found.best.fit.misfit, found.starts[-1].fit.misfit) < POOR:
         return found
     others = balanced_fits(few, replace(effort, seed=effort.seed + 1))
     if others[0].cost > NEARER * balanced[0].cost:

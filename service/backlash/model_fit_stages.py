@@ -135,7 +135,7 @@ def passes(
     """A fit, then fits with the motor's motion reconstructed from the one before; not every pass is better.
 
     They end where the cost stands still: within half a unit, within the share `still` of it, or within STANDSTILL of
-    what is above the noise; and where one costs `dearer` times the best.
+    what is above the noise; where it rises twice in a row; and where one costs `dearer` times the best.
     """
     found = fit(problem, start, rounds[0], 1.0)
     problem = problem.judged()
@@ -151,7 +151,8 @@ def passes(
         above = STANDSTILL * max(0.0, 1.0 - 1.0 / found.misfit)
         if abs(out[-2].fit.cost - found.cost) < max(0.5, max(still, above) * found.cost):
             break
-        if found.cost > dearer * best.fit.cost:
+        rising = [o.fit.cost for o in out[-3:]]
+        if found.cost > dearer * best.fit.cost or (len(out) > 2 and rising == sorted(rising)):
             break
     return [o.kept(lowest(out)) for o in out]
 
