@@ -45,8 +45,11 @@ GLIMPSE = 2
 """Rounds after which a candidate is given up that is far off."""
 HALVED = 3
 """How often the better half of the fits of what swings is continued."""
-ENDED = 1.05
-"""RMS up to which a fit need not be begun elsewhere."""
+ENDED, HOPELESS = 1.05, 4.0
+"""RMS up to which a fit need not be begun elsewhere, and from which on it is not worth it: what the library holds comes
+nearer at the first look (chosen: of 24 machines with an effect none that was farther came back)."""
+DIVIDED = 1.15
+"""RMS from which on it is looked for how two gaps divide, which takes long (chosen)."""
 FAR_OFF = 2.0
 """How much farther from a few moves than the best of all candidates one may be and still be looked at again, and be
 fitted to all moves."""
@@ -318,8 +321,8 @@ def compared(
     looks |= {one.name: looked_at(looks[one.name]) for one in hopeful}
     least = min([known, *map(nearest, looks.values())])
     far = FAR_OFF * least if least > ENDED else min(FAR_OFF * least, 0.5 * (least + found.rms))
-    lacking = [one for one in hopeful if ENDED < nearest(looks[one.name]) < far]
-    if least > ENDED:
+    lacking = [one for one in hopeful if ENDED < nearest(looks[one.name]) < far and least < HOPELESS]
+    if DIVIDED < least < HOPELESS:
         lacking += [one for one in library if one.effect.many_valleys and one not in lacking]
     at_places = grounds(scene, found) if lacking else []
     for one in lacking:
