@@ -72,6 +72,8 @@ SOUND = 2.0
 to 1.6 it may be called sound)."""
 HOPELESS = NEAR
 """RMS from which on neither another start nor more rounds nor what still swings makes a fit's effect the right one."""
+SHARED = 0.5**0.5
+"""What the first of two effects leaves of an RMS that each explains half of the variance of."""
 AS_WELL = 1.1
 """How much farther from the moves a fit with a sound damping may be (chosen)."""
 WORSE = 1.02
@@ -220,6 +222,9 @@ def propose(
     coupled = {c.name: as_coupled(scene, base, c) for c in tried if scene.coupled and bridges(c)}
     brief = compared(scene, base, tried, min((f.rms for f in coupled.values()), default=np.inf))
     least = min([f.rms for f in coupled.values()] + [fits[0].rms for fits in brief.values()])
+    if out_of_reach(least, base, taken):
+        nearest = sorted(brief, key=lambda name: brief[name][0].rms)[:PROMISING]
+        return {name: trial_of(scene, refitted(base, brief[name], least), thorough=False) for name in nearest}
     for name, fits in brief.items():
         fitted = (refitted(base, fits, least), *(f for at, f in coupled.items() if at == name))
         found[name] = min(fitted, key=lambda f: f.rms)
@@ -241,6 +246,12 @@ def propose(
             found[name] = settled(found[name], ROUNDS)
             finished.append(name)
     return {name: trial_of(scene, f, thorough=name in finished) for name, f in found.items()}
+
+
+def out_of_reach(least: float, base: Fitted, taken: Sequence[str]) -> bool:
+    """Whether no effects can explain the moves, by the RMS of the best candidate on a few of them: it is hopeless, and
+    no first of two that explain as much of the variance each."""
+    return least > HOPELESS and (len(taken) > 0 or least > SHARED * base.rms)
 
 
 def leading(found: Mapping[str, Fitted], count: int) -> list[str]:

@@ -314,7 +314,7 @@ def compared(
     """The best fits of a few moves of every candidate, by name. All are begun; those that are not far off what is
     nearest, also of what is `known` by its RMS, are looked at, and if they are not as near as a right one comes, a
     second time from more starts; where one comes as near, only those that come half the way to it. Of many valleys the
-    first look tells little."""
+    first look tells little. Where none comes anywhere near, the first look is all."""
     looks = {one.name: glimpsed(scene, found, one) for one in library}
     least = min([known, *map(nearest, looks.values())])
     hopeful = [one for one in library if nearest(looks[one.name]) < FAR_OFF * least]
@@ -327,7 +327,7 @@ def compared(
     at_places = grounds(scene, found) if lacking else []
     for one in lacking:
         looks[one.name] += second_look(scene, found, at_places, one)
-    followed = [*hopeful, *lacking]
+    followed = [*hopeful, *lacking] if least < HOPELESS else []
     return {
         one.name: best_looks(looks[one.name], found, one)
         if one in followed

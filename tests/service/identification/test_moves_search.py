@@ -47,6 +47,22 @@ def test_no_fit_is_finished_that_is_far_behind_the_best() -> None:
     assert leading(found, 1) == ["b"]
 
 
+@pytest.mark.parametrize(
+    ("least", "present", "taken", "hopeless"),
+    [
+        (3.9, 4.0, (), False),
+        (15.0, 20.0, (), True),
+        (13.0, 20.0, (), False),
+        (13.0, 20.0, ("sensor_gain",), True),
+        (1.5, 20.0, ("sensor_gain",), False),
+    ],
+)
+def test_a_search_is_given_up_where_no_two_effects_can_explain_the_moves(
+    least: float, present: float, taken: tuple[str, ...], hopeless: bool
+) -> None:
+    assert moves_search.out_of_reach(least, stub(present), taken) == hopeless
+
+
 def test_every_move_begins_like_the_best_described_one_of_its_direction(monkeypatch: Any) -> None:
     monkeypatch.setattr(moves_starts, "costs_of_moves", lambda *_: np.array([9.0, 2.0, 1.0, 5.0]))
     few = SimpleNamespace(s=np.array([-1.0, 1.0, -1.0, 1.0]))
@@ -241,10 +257,11 @@ def test_a_second_look_is_for_what_may_still_be_the_best(monkeypatch: Any) -> No
     """Not for what is as near as a right one, nor, where one is as near as a right one, for what is not half the way
     there from the present model; and what is far off at first is not even looked at."""
     begun = {"right": 1.1, "hopeful": 1.9, "behind": 2.5}
+    nowhere = {"far": 5.0, "farther": 6.0}
     valleys: set[str] = set()
     looked: list[str] = []
     again: list[str] = []
-    fits = {name: [stub(rms, name)] for name, rms in begun.items()}
+    fits = {name: [stub(rms, name)] for name, rms in (begun | nowhere).items()}
     monkeypatch.setattr(moves_starts, "glimpsed", lambda _s, _f, one: fits[one.name])
     monkeypatch.setattr(
         moves_starts,
@@ -275,6 +292,9 @@ def test_a_second_look_is_for_what_may_still_be_the_best(monkeypatch: Any) -> No
     assert again == ["hopeful"], "one is as near as a right one comes"
     compared(3.0, ("hopeful", "behind"))
     assert again == ["hopeful", "behind"], "of many valleys the first look tells little"
+    valleys.add("farther")
+    assert compared(9.0, tuple(nowhere)) == {"far": [4.9], "farther": [5.9]}
+    assert not again, "where none comes anywhere near, the first look is all"
 
 
 def test_an_effect_begun_on_the_present_model_changes_nothing(shared_dir: Path) -> None:
