@@ -36,6 +36,7 @@ from service.identification.moves_starts import (
     compared,
     fewer,
     noted,
+    out_of_reach,
     placed,
     unanswering,
     widened,
@@ -72,8 +73,6 @@ SOUND = 2.0
 to 1.6 it may be called sound)."""
 HOPELESS = NEAR
 """RMS from which on neither another start nor more rounds nor what still swings makes a fit's effect the right one."""
-SHARED = 0.5**0.5
-"""What the first of two effects leaves of an RMS that each explains half of the variance of."""
 AS_WELL = 1.1
 """How much farther from the moves a fit with a sound damping may be (chosen)."""
 WORSE = 1.02
@@ -246,12 +245,6 @@ def propose(
             found[name] = settled(found[name], ROUNDS)
             finished.append(name)
     return {name: trial_of(scene, f, thorough=name in finished) for name, f in found.items()}
-
-
-def out_of_reach(least: float, base: Fitted, taken: Sequence[str]) -> bool:
-    """Whether no effects can explain the moves, by the RMS of the best candidate on a few of them: it is hopeless, and
-    no first of two that explain as much of the variance each."""
-    return least > HOPELESS and (len(taken) > 0 or least > SHARED * base.rms)
 
 
 def leading(found: Mapping[str, Fitted], count: int) -> list[str]:

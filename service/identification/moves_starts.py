@@ -46,8 +46,9 @@ GLIMPSE = 2
 HALVED = 3
 """How often the better half of the fits of what swings is continued."""
 ENDED, HOPELESS = 1.05, 4.0
-"""RMS up to which a fit need not be begun elsewhere, and from which on it is not worth it: what the library holds comes
-nearer at the first look (chosen: of 24 machines with an effect none that was farther came back)."""
+"""RMS up to which a fit need not be begun elsewhere, and from which on it need not if it takes little away."""
+SHARED = 0.5**0.5
+"""What the first of two effects leaves of an RMS that each explains half of the variance of."""
 DIVIDED = 1.15
 """RMS from which on it is looked for how two gaps divide, which takes long (chosen)."""
 FAR_OFF = 2.0
@@ -314,26 +315,34 @@ def compared(
     """The best fits of a few moves of every candidate, by name. All are begun; those that are not far off what is
     nearest, also of what is `known` by its RMS, are looked at, and if they are not as near as a right one comes, a
     second time from more starts; where one comes as near, only those that come half the way to it. Of many valleys the
-    first look tells little. Where none comes anywhere near, the first look is all."""
+    first look tells little. Where they are out of reach, the first look is all."""
     looks = {one.name: glimpsed(scene, found, one) for one in library}
     least = min([known, *map(nearest, looks.values())])
     hopeful = [one for one in library if nearest(looks[one.name]) < FAR_OFF * least]
     looks |= {one.name: looked_at(looks[one.name]) for one in hopeful}
     least = min([known, *map(nearest, looks.values())])
     far = FAR_OFF * least if least > ENDED else min(FAR_OFF * least, 0.5 * (least + found.rms))
-    lacking = [one for one in hopeful if ENDED < nearest(looks[one.name]) < far and least < HOPELESS]
-    if DIVIDED < least < HOPELESS:
+    if out_of_reach(least, found):
+        return {one.name: glanced(looks[one.name], found) for one in library}
+    lacking = [one for one in hopeful if ENDED < nearest(looks[one.name]) < far]
+    if least > DIVIDED:
         lacking += [one for one in library if one.effect.many_valleys and one not in lacking]
     at_places = grounds(scene, found) if lacking else []
     for one in lacking:
         looks[one.name] += second_look(scene, found, at_places, one)
-    followed = [*hopeful, *lacking] if least < HOPELESS else []
+    followed = [*hopeful, *lacking]
     return {
         one.name: best_looks(looks[one.name], found, one)
         if one in followed
         else glanced(looks[one.name], found)
         for one in library
     }
+
+
+def out_of_reach(least: float, found: Fitted, taken: Sequence[str] = ()) -> bool:
+    """Whether no two effects can explain the moves, by the RMS of the best candidate on a few of them beside the
+    present fit: it is not near, and neither half the way nor the second of them."""
+    return least > HOPELESS and (len(taken) > 0 or least > SHARED * found.rms)
 
 
 def glanced(fits: Sequence[Fitted], found: Fitted) -> list[Brief]:

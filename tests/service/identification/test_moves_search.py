@@ -60,7 +60,7 @@ def test_no_fit_is_finished_that_is_far_behind_the_best() -> None:
 def test_a_search_is_given_up_where_no_two_effects_can_explain_the_moves(
     least: float, present: float, taken: tuple[str, ...], hopeless: bool
 ) -> None:
-    assert moves_search.out_of_reach(least, stub(present), taken) == hopeless
+    assert moves_starts.out_of_reach(least, stub(present), taken) == hopeless
 
 
 def test_every_move_begins_like_the_best_described_one_of_its_direction(monkeypatch: Any) -> None:
@@ -293,8 +293,10 @@ def test_a_second_look_is_for_what_may_still_be_the_best(monkeypatch: Any) -> No
     compared(3.0, ("hopeful", "behind"))
     assert again == ["hopeful", "behind"], "of many valleys the first look tells little"
     valleys.add("farther")
-    assert compared(9.0, tuple(nowhere)) == {"far": [4.9], "farther": [5.9]}
-    assert not again, "where none comes anywhere near, the first look is all"
+    assert compared(6.8, tuple(nowhere)) == {"far": [4.9], "farther": [5.9]}
+    assert not again, "where they are out of reach, the first look is all"
+    compared(9.0, tuple(nowhere))
+    assert again == list(nowhere)
 
 
 def test_an_effect_begun_on_the_present_model_changes_nothing(shared_dir: Path) -> None:
