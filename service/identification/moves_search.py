@@ -222,8 +222,8 @@ def propose(
     brief = compared(scene, base, tried, min((f.rms for f in coupled.values()), default=np.inf))
     least = min([f.rms for f in coupled.values()] + [fits[0].rms for fits in brief.values()])
     if out_of_reach(least, base, taken):
-        nearest = sorted(brief, key=lambda name: brief[name][0].rms)[:PROMISING]
-        return {name: trial_of(scene, refitted(base, brief[name], least), thorough=False) for name in nearest}
+        ranked = sorted(brief, key=lambda name: brief[name][0].rms)[:PROMISING]
+        return {name: trial_of(scene, refitted(base, brief[name], least), thorough=False) for name in ranked}
     for name, fits in brief.items():
         fitted = (refitted(base, fits, least), *(f for at, f in coupled.items() if at == name))
         found[name] = min(fitted, key=lambda f: f.rms)
