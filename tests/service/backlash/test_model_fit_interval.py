@@ -81,7 +81,7 @@ def test_what_repeats_in_the_steps_of_a_direction_is_told_from_noise() -> None:
     assert told == pytest.approx(0.64 - 0.1, abs=0.05)
 
 
-def test_a_lost_sample_or_a_direction_of_few_steps_repeats_nothing() -> None:
+def test_lost_samples_repeat_nothing_and_a_direction_of_few_steps_does_not_count() -> None:
     rng = np.random.default_rng(13)
     residual = rng.standard_normal((T, K))
     residual[:, ::7] = np.nan
