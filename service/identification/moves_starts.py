@@ -29,6 +29,7 @@ from service.backlash.moves_fit import (
 )
 from service.dynamics.driven_model import LINKS, DrivenEffect, Model
 from service.dynamics.driven_parameters import LINK_PARAMETERS
+from service.identification.held_out import NEAR
 from service.identification.scene import Scene
 from service.recording import FloatArray
 
@@ -45,8 +46,8 @@ GLIMPSE = 2
 """Rounds after which a candidate is given up that is far off."""
 HALVED = 3
 """How often the better half of the fits of what swings is continued."""
-ENDED, HOPELESS = 1.05, 4.0
-"""RMS up to which a fit need not be begun elsewhere, and from which on it need not if it takes little away."""
+ENDED = 1.05
+"""RMS up to which a fit need not be begun elsewhere."""
 SHARED = 0.5**0.5
 """What the first of two effects leaves of an RMS that each explains half of the variance of."""
 DIVIDED = 1.15
@@ -342,7 +343,7 @@ def compared(
 def out_of_reach(least: float, found: Fitted, taken: Sequence[str] = ()) -> bool:
     """Whether no two effects can explain the moves, by the RMS of the best candidate on a few of them beside the
     present fit: it is not near, and neither half the way nor the second of them."""
-    return least > HOPELESS and (len(taken) > 0 or least > SHARED * found.rms)
+    return least > NEAR and (len(taken) > 0 or least > SHARED * found.rms)
 
 
 def glanced(fits: Sequence[Fitted], found: Fitted) -> list[Brief]:
