@@ -14,7 +14,7 @@ import numpy as np
 
 from drivers.commissioning import SYNC_ID, SYNC_OVERFLOW, DriveConfig
 from drivers.errors import SamplesMissing
-from drivers.timebase import IntArray, Timebase, place
+from drivers.timebase import FloatArray, IntArray, Timebase, place
 from drivers.trace import Frames, Trace
 
 
@@ -27,6 +27,7 @@ class DriveRecord:
     speed : [rad/s] at the motor shaft, positive travel positive
     torque : [N·m] at the motor shaft
     statusword : (n,) as float, at the same times
+    received : (n,) when the frames of the samples arrived [s], in the order of arrival
     timebase : where the SYNCs lie
     lost : samples between the first and the last SYNC that did not arrive or could not be told apart
     """
@@ -34,8 +35,17 @@ class DriveRecord:
     speed: Trace
     torque: Trace
     statusword: Trace
+    received: FloatArray
     timebase: Timebase
     lost: int
+
+    def sampled(self, received: float) -> float:
+        """When the sample was taken whose frame arrived at ``received`` [s]: what a frame says happened then.
+
+        A frame may be read late, by as much as the PC was busy; where its sample stands on the trace is exact.
+        """
+        last = np.searchsorted(self.received, received, side="right") - 1
+        return float(self.speed.time[max(last, 0)])
 
 
 def decode(frames: Frames, config: DriveConfig, rated_torque: float) -> DriveRecord:
@@ -62,6 +72,7 @@ def decode(frames: Frames, config: DriveConfig, rated_torque: float) -> DriveRec
         speed=Trace(time, velocity * (sign * config.speed_lsb_rad_s)),
         torque=Trace(time, torque * (sign * rated_torque / 1000)),
         statusword=Trace(time, status.astype(np.float64)),
+        received=Frames(table[is_tpdo]).time[kept],
         timebase=timebase,
         lost=int(index[-1] - index[0] + 1 - len(sample)),
     )

@@ -126,15 +126,17 @@ class BusMachine:
     def _decode(
         self, stations: Sequence[Station], plan: Plan, moves: Sequence[Move], frames: Mapping[str, Frames]
     ) -> Recorded:
-        """Cut by the moves' times, never by the moment the recorders began; place the samples by counters."""
+        """Cut by the moves' times, never by the moment the recorders began; place samples and moves by counters."""
+        received, over = moves[0].start - plan.rest, moves[-1].end + plan.rest
+        frames = {bus: all_frames.between(received, over) for bus, all_frames in frames.items()}
+        motors = [station.drive.traces(frames[station.settings.bus]) for station in stations]
+        moves = [replace(move, start=motors[0].sampled(move.start)) for move in moves]
         start, end = moves[0].start - plan.rest, moves[-1].end + plan.rest
-        frames = {bus: all_frames.between(start, end) for bus, all_frames in frames.items()}
         traces: dict[tuple[str, str], Trace] = {}
         warnings: list[str] = []
-        for station in stations:
+        for station, motor in zip(stations, motors, strict=True):
             axis = station.settings
             warnings += station.drive.remarks()
-            motor = station.drive.traces(frames[axis.bus])
             load = station.accelerometer.record(frames[axis.accelerometer.bus])
             warnings += load.warnings
             for channel, trace in (

@@ -102,3 +102,14 @@ def test_tpdos_of_other_drives_and_short_ones_are_not_ours() -> None:
 def test_no_tpdo_at_all() -> None:
     with pytest.raises(SamplesMissing, match=r"X1 \(node 5\): no TPDO1 between 50 SYNCs"):
         record(frames(50, {f"T{k}" for k in range(50)}))
+
+
+def test_what_a_late_frame_says_happened_when_its_sample_was_taken() -> None:
+    """A PC that falls behind by 0.1 s and catches up again reads no frame much later than the one before."""
+    taken = np.arange(0.0, 2.0, 1e-3)
+    late = np.interp(taken, [0.9, 1.0, 1.05, 1.15], [0.0, 0.1, 0.1, 0.0])
+    some = [(at + np.interp(at - 100.0, taken, late), can_id, data) for at, can_id, data in frames(2000)]
+    found = record(some)
+    assert found.speed.time == pytest.approx(100.0 + taken, abs=1e-6)
+    assert found.sampled(101.02 + 0.1 + 2e-4) == pytest.approx(101.02, abs=1e-6)
+    assert found.sampled(100.5 + 2e-4) == pytest.approx(100.5, abs=1e-6)
