@@ -44,7 +44,7 @@ class DriveRecord:
 
         A frame may be read late, by as much as the PC was busy; where its sample stands on the trace is exact.
         """
-        last = np.searchsorted(self.received, received, side="right") - 1
+        last = int(np.searchsorted(self.received, received, side="right")) - 1
         return float(self.speed.time[max(last, 0)])
 
 
