@@ -22,7 +22,7 @@ from service.backlash.model_fit_data import (
     with_reconstructed_motion,
 )
 from service.backlash.model_fit_motion import with_following_motors
-from service.backlash.model_fit_one_build import WAYS, begun_alike
+from service.backlash.model_fit_one_build import WAYS, begun_alike, other_drives
 from service.backlash.model_fit_onward import onward
 from service.backlash.model_fit_problem import Fit, Point, Problem, fit
 from service.backlash.model_fit_stages import (
@@ -35,6 +35,7 @@ from service.backlash.model_fit_stages import (
     differently_shared,
     following_force,
     local_spread,
+    lowest,
     passes,
     settled,
     sound_drives,
@@ -54,6 +55,12 @@ STATES = 4
 
 NEAR = 3.0
 """Misfit of the lighter chain at which no further start is tried: the heavier one does the rest."""
+
+BEGUN, OTHERS = 3, 3
+"""Rounds that a start with other drives is fitted for, and how many of them go on."""
+
+CLOSE = 1.3
+"""Misfit of the lighter chain at which no other drives are tried: two lumps leave less, other drives would not."""
 
 LITTLE = Effort(candidates=1500, tried=12, brief=8, starts=3)
 """Where only a comparison is asked for."""
@@ -131,11 +138,11 @@ def simulated_from(measured: Measured, few: Problem, balanced: list[Fit], effort
     heavy = problem_of(measured, Model(measured.axes, 2), local_spread(Model(measured.axes, 2)))
     ends = carried(measured, heavy, starts, effort.heavier, motors)
     ends += alike(measured, ends, effort.heavier, motors)
-    found = min(ends, key=lambda o: o.fit.cost)
+    found = lowest(ends)
     if found.fit.misfit > POOR and swings_fast(measured, found.problem, found.fit):
         answering = [answered(measured, start) for start in starts[:ANSWERED]]
         ends += carried(measured, heavy, answering, ANSWERING, following_force)
-        motors, found = following_force, min(ends, key=lambda o: o.fit.cost)
+        motors, found = following_force, lowest(ends)
         # How the drives are shared out shows once the motors move as they did.
         effort = replace(effort, sharings=found.fit.misfit < ENOUGH, refine=ANSWERING_ALL)
     found = impure(measured, found, effort, motors)
@@ -144,7 +151,7 @@ def simulated_from(measured: Measured, few: Problem, balanced: list[Fit], effort
     if found.fit.misfit > NOWHERE:
         effort = replace(effort, refine=effort.refine[:1])
     last = over_all_steps(measured, whole, at, effort, motors)
-    return Staged(min(last, key=lambda o: o.fit.cost), last, [*starts, *ends, found])
+    return Staged(lowest(last), last, [*starts, *ends, found])
 
 
 def carried(
@@ -169,12 +176,12 @@ def alike(
     measured: Measured, ends: list[Outcome], rounds: tuple[int, ...], motors: Reconstruction
 ) -> list[Outcome]:
     """Where none came near: the best one's passes with both drives of one build, until one does."""
-    found, tried = min(ends, key=lambda o: o.fit.cost), list[Outcome]()
+    found, tried = lowest(ends), list[Outcome]()
     if not POOR < found.fit.misfit < HOPELESS:
         return []
     for way in WAYS:
         again = passes(measured, found.problem, begun_alike(found, way), rounds, motors, STILL, AWAY)
-        tried.append(min(again, key=lambda o: o.fit.cost))
+        tried.append(lowest(again))
         if tried[-1].fit.misfit < ENOUGH:
             break
     return tried
@@ -201,10 +208,23 @@ def starts_of(measured: Measured, few: Problem, balanced: list[Fit], effort: Eff
         held = replace(begun, free=(False,) * len(begun.free))
         at = fit(held, Point(found.point.shared, np.zeros(begun.local_shape)), STATES, 1.0).point
         tried = passes(measured, begun, at, effort.rounds, with_reconstructed_motion)
-        ends.append(min(tried, key=lambda o: o.fit.cost))
+        ends.append(lowest(tried))
         if ends[-1].fit.misfit < NEAR:
             break
+    if not lowest(ends).fit.misfit < CLOSE:
+        ends += with_other_drives(measured, lowest(ends), effort)
     return sorted(ends, key=lambda o: o.fit.cost)
+
+
+def with_other_drives(measured: Measured, found: Outcome, effort: Effort) -> list[Outcome]:
+    """Passes from the best of what a start becomes with other drives."""
+    model, local = found.problem.model, found.fit.point.local
+    points = [Point(shared, local) for shared in other_drives(model, found.fit.point.shared)]
+    begun = sorted((fit(found.problem, point, BEGUN, 1.0) for point in points), key=lambda f: f.cost)
+    return [
+        lowest(passes(measured, found.problem, f.point, effort.rounds, with_reconstructed_motion))
+        for f in begun[:OTHERS]
+    ]
 
 
 def balanced_fits(few: Problem, effort: Effort) -> list[Fit]:
@@ -225,7 +245,7 @@ def with_gear_and_pinion(
     if not tried[0].fit.misfit < HOPELESS:
         sound = Point(sound_drives(heavy.model, begun), start.fit.point.local)
         tried = passes(measured, few, sound, rounds, motors, STILL, AWAY)
-    return min(tried, key=lambda o: o.fit.cost)
+    return lowest(tried)
 
 
 def impure(measured: Measured, found: Outcome, effort: Effort, motors: Reconstruction) -> Outcome:
@@ -234,7 +254,7 @@ def impure(measured: Measured, found: Outcome, effort: Effort, motors: Reconstru
     impure = with_impurities(found.problem, found.fit.point)
     shared = differently_shared(*impure, effort, ONLY_NOISE)
     tried = passes(measured, shared.problem, shared.fit.point, effort.heavier, motors, STILL, AWAY)
-    return min((shared, *tried), key=lambda o: o.fit.cost)
+    return lowest([shared, *tried])
 
 
 def over_all_steps(
@@ -244,7 +264,7 @@ def over_all_steps(
     them: the one settles from afar, the other holds where the load swings near half the rate of the samples."""
     problem, at = settled(measured, problem, begin, SETTLED, motors)
     plain = passes(measured, problem, at, effort.refine, motors)
-    best = min(plain, key=lambda o: o.fit.cost)
+    best = lowest(plain)
     if not best.fit.misfit < NOWHERE:
         return plain
     return plain + passes(

@@ -1,8 +1,10 @@
-"""Starts in which both drives of a gantry are of one build.
+"""Starts with other drives than the search found: both of one build, or typical ones of the softness found.
 
 Each side is searched for by itself, and a start may be near on one side and in another minimum on the other: its load
 far too light and its drive far too stiff, or the like. But a gantry's two drives come from one drawing: what was found
-of the one is a guess for the other. It is a start only, no prior; where they are not alike the data lead away from it.
+of the one is a guess for the other. Or both ended with hardly any drive, all softness in their contacts: the softness
+is right then, and a drive of ordinary mass has a part of it. These are starts only, no priors; where the drives are
+not so the data lead away from it.
 """
 
 from __future__ import annotations
@@ -18,6 +20,9 @@ from service.recording import FloatArray
 
 WAYS = ((0.5, 0.5), (1.0, 0.0), (0.0, 1.0))
 """Shares of the two sides in the drive that both begin with: their mean, the first's, the second's."""
+
+SOFT = (0.3, 0.6)
+"""Shares of a typical drive in an axis' compliance."""
 
 ROUNDS = 4
 """Rounds in which what differs from side to side is found for the drives as they are."""
@@ -40,6 +45,29 @@ def of_one_build(model: Model, shared: FloatArray, way: tuple[float, float]) -> 
         out[sides] = np.dot(way, shared[sides]) if sides else out[sides]
     out[where["mass_ratio"]] = 0.0
     return out
+
+
+def with_typical_drives(model: Model, shared: FloatArray, soft: float) -> FloatArray:
+    """The coordinates (P,) of a chain with one lump per drive, as soft as the given one, of which the drives, of
+    typical mass and damping, have the share ``soft``."""
+    where = {p.name: k for k, p in enumerate(model.parameters)}
+    out = shared.copy()
+    for axis in model.axes:
+        names = {link: f"{axis}.{link}_stiffness" for link in ("drive", "contact")}
+        given = [model.parameters[where[name]].value(shared[where[name]]) for name in names.values()]
+        compliance = sum(1.0 / float(k) for k in given)
+        for link, share in (("drive", soft), ("contact", 1.0 - soft)):
+            k = where[names[link]]
+            out[k] = float(model.parameters[k].internal(1.0 / (share * compliance)))
+            out[where[f"{axis}.{link}_damping_ratio"]] = 0.0
+        out[where[f"{axis}.drive_mass"]] = 0.0
+    return out
+
+
+def other_drives(model: Model, shared: FloatArray) -> list[FloatArray]:
+    """Coordinates (P,) of chains with one lump per drive that differ from the given one in their drives only."""
+    ways = [of_one_build(model, shared, way) for way in WAYS]
+    return ways + [with_typical_drives(model, way, soft) for way in (shared, *ways) for soft in SOFT]
 
 
 def begun_alike(found: Outcome, way: tuple[float, float]) -> Point:

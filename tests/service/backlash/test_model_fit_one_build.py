@@ -1,4 +1,4 @@
-"""Starts in which both drives of a gantry are of one build."""
+"""Starts with other drives than the search found: both of one build, or typical ones."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from service.backlash.model_fit_gantry import alike
-from service.backlash.model_fit_one_build import WAYS, of_one_build
+from service.backlash.model_fit_one_build import SOFT, WAYS, of_one_build, other_drives, with_typical_drives
 from service.dynamics.driven_model import Model
 from service.recording import FloatArray
 
@@ -18,6 +18,10 @@ AXES = ("X1", "X2")
 
 def named(model: Model, shared: FloatArray) -> dict[str, float]:
     return dict(zip((p.name for p in model.parameters), shared.tolist(), strict=True))
+
+
+def in_units(model: Model, shared: FloatArray) -> dict[str, float]:
+    return {p.name: float(p.value(u)) for p, u in zip(model.parameters, shared, strict=True)}
 
 
 @pytest.mark.parametrize("lumps", [1, 2])
@@ -36,6 +40,34 @@ def test_both_drives_are_the_same_and_what_is_each_sides_own_stays(
     own = ("backlash", "coulomb", "viscous", "constant", "skew")
     for name in ("bridge_stiffness", "bridge_offset", *(f"{axis}.{n}" for axis in AXES for n in own)):
         assert after[name] == before[name]
+
+
+@pytest.mark.parametrize("soft", SOFT)
+def test_a_typical_drive_has_its_share_of_the_softness_and_the_axis_is_as_soft_as_before(soft: float) -> None:
+    model = Model(AXES, 1)
+    shared = np.random.default_rng(5).standard_normal(len(model.parameters))
+    changed = with_typical_drives(model, shared, soft)
+    before, after = in_units(model, shared), in_units(model, changed)
+    for axis in AXES:
+        compliance = sum(1.0 / before[f"{axis}.{link}_stiffness"] for link in ("drive", "contact"))
+        assert 1.0 / after[f"{axis}.drive_stiffness"] == pytest.approx(soft * compliance)
+        assert 1.0 / after[f"{axis}.contact_stiffness"] == pytest.approx((1.0 - soft) * compliance)
+        typical = in_units(model, np.zeros(len(shared)))
+        for name in ("drive_mass", "drive_damping_ratio", "contact_damping_ratio"):
+            assert after[f"{axis}.{name}"] == typical[f"{axis}.{name}"]
+    drives = ("stiffness", "damping_ratio", "mass")
+    assert all(before[name] == after[name] for name in before if not name.endswith(drives))
+
+
+def test_other_drives_are_all_different_and_leave_gaps_friction_and_bridge() -> None:
+    model = Model(AXES, 1)
+    shared = np.random.default_rng(7).standard_normal(len(model.parameters))
+    tried = other_drives(model, shared)
+    assert len({tuple(np.round(chain, 9)) for chain in (shared, *tried)}) == len(tried) + 1
+    numbers = ("stiffness", "damping_ratio", "mass")
+    drives = [p.name.startswith(AXES) and p.name.endswith(numbers) for p in model.parameters]
+    kept = [not own and p.name != "mass_ratio" for own, p in zip(drives, model.parameters, strict=True)]
+    assert all(np.array_equal(chain[kept], shared[kept]) for chain in tried)
 
 
 @pytest.mark.parametrize("misfit", [1.0, 2.9, 1e16])
