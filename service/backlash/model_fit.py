@@ -73,9 +73,12 @@ SMALLEST = 1e-6
 """A gap below this [m] is refused. Chosen, about a tenth of the smallest that the method is meant for: where the flanks
 never part, a fit may take how their force turns over for a gap of some tenths of a micrometre, and be sure of it."""
 
-MISFIT_LIMIT = 1.5
+MISFIT_LIMIT, NEARLY = 1.5, 3.0
+"""Misfit that a sound machine has at most, and that of a fit from which on no sound one is looked for near by: it would
+explain less."""
+
 UNEXPLAINED, UNEXPLAINED_ALONE = 0.02, 0.04
-"""Refused where the misfit is above this and its excess over the noise is more than this share of the acceleration: of
+"""Refused where the misfit is above that of a sound machine and its excess over the noise is more than this share of the acceleration: of
 a gantry, and of a single axis, whose interval takes in what repeats. The interval grows with the misfit; beyond this,
 what the model lacks is no small addition to it."""
 
@@ -120,7 +123,8 @@ def model_fit_axes(recording: Recording, axis: str) -> dict[str, AxisResult]:
         staged = single_fit(measured, {axis: closed_form(recording, axis)}, SINGLE)
     else:
         staged = gantry_fit(measured, GANTRY)
-    if far_out(staged.best.problem.model, staged.best.fit.point.shared):
+    best = staged.best
+    if best.fit.misfit < NEARLY and far_out(best.problem.model, best.fit.point.shared):
         staged = sound(measured, staged)
     best = staged.best
     linear = linearised(best.problem, best.fit.point)

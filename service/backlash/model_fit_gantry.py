@@ -83,9 +83,9 @@ ABANDONED = 5.0
 ENOUGH = 1.5
 """Misfit on a few steps of the heavier chain at which no further start is tried: other minima are far above."""
 
-NOWHERE = 100.0
-"""Misfit, ten times the noise, from which on neither more passes over all steps nor following motors are tried: what
-comes no nearer on a few steps is refused anyway."""
+NOWHERE = 30.0
+"""Misfit, five times the noise, from which on all steps are looked at once, but not fitted: what comes no nearer on a
+few of them is refused anyway."""
 
 AWAY = 1.5
 """Cost over that of the best pass beyond which motion and machine drive each other away."""
@@ -149,7 +149,7 @@ def simulated_from(measured: Measured, few: Problem, balanced: list[Fit], effort
     whole = replace(heavy, model=found.problem.model, free=found.problem.free)
     whole, at = onward(measured, whole, found, motors)
     if found.fit.misfit > NOWHERE:
-        effort = replace(effort, refine=effort.refine[:1])
+        effort = replace(effort, refine=(1,))
     last = over_all_steps(measured, whole, at, effort, motors)
     return Staged(lowest(last), last, [*starts, *ends, found])
 
