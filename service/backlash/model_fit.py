@@ -78,9 +78,9 @@ MISFIT_LIMIT, NEARLY = 1.5, 3.0
 explain less."""
 
 UNEXPLAINED, UNEXPLAINED_ALONE = 0.02, 0.04
-"""Refused where the misfit is above that of a sound machine and its excess over the noise is more than this share of the acceleration: of
-a gantry, and of a single axis, whose interval takes in what repeats. The interval grows with the misfit; beyond this,
-what the model lacks is no small addition to it."""
+"""Refused where the misfit is above that of a sound machine and its excess over the noise is more than this share of
+the acceleration: of a gantry, and of a single axis, whose interval takes in what repeats. The interval grows with the
+misfit; beyond this, what the model lacks is no small addition to it."""
 
 LACKED = 8.0
 """Share of the backlash that is in doubt over the share of the acceleration that repeats and is not the model's.
