@@ -96,6 +96,9 @@ SETTLED = 8
 ANSWERED = 2
 """Starts that are fitted further with motors that answer the forces."""
 
+SAME = 1.01
+"""Cost over that of another start up to which both are taken to have ended in the same minimum."""
+
 ANSWERING = (3,) * 10
 """Rounds of the passes in which the motors answer. Few between reconstructions: a machine that is fitted to the end on
 one of them takes the input's error into its parameters."""
@@ -140,7 +143,7 @@ def simulated_from(measured: Measured, few: Problem, balanced: list[Fit], effort
     ends += alike(measured, ends, effort.heavier, motors)
     found = lowest(ends)
     if found.fit.misfit > POOR and swings_fast(measured, found.problem, found.fit):
-        answering = [answered(measured, start) for start in starts[:ANSWERED]]
+        answering = [answered(measured, start) for start in apart(starts)[:ANSWERED]]
         ends += carried(measured, heavy, answering, ANSWERING, following_force)
         motors, found = following_force, lowest(ends)
         # How the drives are shared out shows once the motors move as they did.
@@ -152,6 +155,12 @@ def simulated_from(measured: Measured, few: Problem, balanced: list[Fit], effort
         effort = replace(effort, refine=(1,))
     last = over_all_steps(measured, whole, at, effort, motors)
     return Staged(lowest(last), last, [*starts, *ends, found])
+
+
+def apart(starts: list[Outcome]) -> list[Outcome]:
+    """The starts, best first, without those that ended in the same minimum as the one before."""
+    costs = [start.fit.cost for start in starts]
+    return [start for k, start in enumerate(starts) if k == 0 or costs[k] > SAME * costs[k - 1]]
 
 
 def carried(

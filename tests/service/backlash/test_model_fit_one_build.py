@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from service.backlash.model_fit_gantry import alike
+from service.backlash.model_fit_gantry import SAME, alike, apart
 from service.backlash.model_fit_one_build import SOFT, WAYS, of_one_build, other_drives, with_typical_drives
 from service.dynamics.driven_model import Model
 from service.recording import FloatArray
@@ -74,3 +74,9 @@ def test_other_drives_are_all_different_and_leave_gaps_friction_and_bridge() -> 
 def test_none_is_tried_where_one_is_near_or_nothing_can_be_simulated(misfit: float) -> None:
     end = cast(Any, SimpleNamespace(fit=SimpleNamespace(misfit=misfit, cost=misfit)))
     assert alike(*cast(Any, (None, [end], (6,), None))) == []
+
+
+def test_starts_that_ended_alike_count_once() -> None:
+    costs = [100.0, 100.0 * SAME, 150.0, 150.1, 400.0]
+    starts = [cast(Any, SimpleNamespace(fit=SimpleNamespace(cost=cost))) for cost in costs]
+    assert apart(starts) == [starts[0], starts[2], starts[4]]
