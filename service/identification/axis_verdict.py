@@ -45,21 +45,24 @@ farther from each other the laws that are alike above."""
 
 
 class Impurity(NamedTuple):
-    """The number that says how much there is of something, the most that a sound machine has of it, and the most where
-    it is the whole explanation of more than impurities leave."""
+    """The number that says how much there is of something, the most that a sound machine has of it, the most where
+    it is the whole explanation of more than impurities leave, and what it repeats in."""
 
     number: str
     most: float
     most_of_all: float
+    period: str | None = None
 
 
 COMMON: Mapping[str, Impurity] = {
-    "transmission_ripple": Impurity("ripple_amplitude", np.inf, 3e-6),
+    "transmission_ripple": Impurity("ripple_amplitude", np.inf, 3e-6, period="ripple_period"),
     "contact_nonlinearity": Impurity("bend", 0.2, 0.0),
 }
 """What every rack and every flank has a little of, and what is therefore no finding where it does not change the
 backlash. Steel on steel in line contact has a bend of 1/9; twice that is none. A mesh has no limit by itself: a slow
-error may be large; 3 µm [m] are small."""
+error may be large; 3 µm [m] are small. What repeats with the rack's teeth or more slowly is of its mesh."""
+TOOTH = 3e-3
+"""Pitch of the finest rack [m]: that of module 1. What repeats in less comes from within the transmission."""
 SURELY = 2.0
 """Standard deviations by which a number is beyond what a sound machine has."""
 CLEARLY = 0.75
@@ -151,13 +154,16 @@ def _fitted_too(before: Trial[Explained], after: Trial[Explained]) -> bool:
 
 
 def _common(selection: Selection[Explained], everything: bool = False) -> bool:
-    """Whether all that was found is what every sound machine has, and as much as such a machine may have; less
-    where it explains `everything` of more than impurities leave."""
+    """Whether all that was found is what every sound machine has, and as much as such a machine may have; less, and
+    nothing quicker than teeth, where it explains `everything` of more than impurities leave."""
     if not COMMON.keys() >= set(selection.effects):
         return False
     numbers = _deviations(selection.after.model.fitted)
     for effect in selection.effects:
         impurity = COMMON[effect]
+        periods = [both for name, both in numbers.items() if name.rpartition(".")[2] == impurity.period]
+        if everything and any(value + SURELY * std < TOOTH for value, std in periods):
+            return False
         most = impurity.most_of_all if everything else impurity.most
         of_axes = [both for name, both in numbers.items() if name.rpartition(".")[2] == impurity.number]
         if any(abs(value) - SURELY * std > most for value, std in of_axes):

@@ -107,13 +107,19 @@ def test_what_every_rack_has_is_a_finding_only_where_it_matters_or_is_everything
     assert axis_verdict.finding_of(selection)[0] == found
 
 
-def test_a_mesh_error_of_three_micrometres_that_leaves_the_backlash_alone_is_none(
-    monkeypatch: pytest.MonkeyPatch,
+@pytest.mark.parametrize(
+    ("period", "held_out", "found"),
+    [(6.3e-3, 8.0, "none"), (2.9e-3, 8.0, "none"), (1.4e-3, 8.0, "effect"), (1.4e-3, 3.0, "none")],
+)
+def test_three_micrometres_that_leave_the_backlash_alone_are_of_the_mesh_unless_quicker_than_teeth(
+    monkeypatch: pytest.MonkeyPatch, period: float, held_out: float, found: str
 ) -> None:
+    """A rack's teeth are 3.14 mm apart and more; 2.9 ± 0.1 mm may be theirs."""
+    ripple = {"X1.ripple_amplitude": (3.1e-6, 2e-7), "X1.ripple_period": (period, 1e-4)}
     monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: (50e-6, 1e-7))
-    monkeypatch.setattr(axis_verdict, "_deviations", lambda _fitted: {"X1.ripple_amplitude": (3.1e-6, 2e-7)})
-    selection = Selection(trial(3.0, 8.0), trial(1.0, 1.1), ("transmission_ripple",), (), ())
-    assert axis_verdict.finding_of(selection) == ("none", ())
+    monkeypatch.setattr(axis_verdict, "_deviations", lambda _fitted: ripple)
+    selection = Selection(trial(3.0, held_out), trial(1.0, 1.1), ("transmission_ripple",), (), ())
+    assert axis_verdict.finding_of(selection)[0] == found
 
 
 @pytest.mark.parametrize(
