@@ -84,8 +84,8 @@ ENOUGH = 1.5
 """Misfit on a few steps of the heavier chain at which no further start is tried: other minima are far above."""
 
 NOWHERE = 30.0
-"""Misfit, five times the noise, from which on all steps are looked at once, but not fitted: what comes no nearer on a
-few of them is refused anyway."""
+"""Misfit, five times the noise, from which on a fit is not refined: from one of a few steps all are fitted for one
+round only, and from one of all no following motors are tried. What came no nearer was refused anyway."""
 
 AWAY = 1.5
 """Cost over that of the best pass beyond which motion and machine drive each other away."""
