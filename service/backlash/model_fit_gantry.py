@@ -106,6 +106,9 @@ one of them takes the input's error into its parameters."""
 ANSWERING_ALL = (4, 4, 4)
 """The same over all steps, where following motors come after them."""
 
+FINER = 5
+"""Rounds of the last fit, with a finer contact."""
+
 STILL = 0.03
 """Share of the cost by which a pass of the search has to lower it for another to follow."""
 
@@ -154,7 +157,7 @@ def simulated_from(measured: Measured, few: Problem, balanced: list[Fit], effort
     if found.fit.misfit > NOWHERE:
         effort = replace(effort, refine=(1,))
     last = over_all_steps(measured, whole, at, effort, motors)
-    return Staged(lowest(last), last, [*starts, *ends, found])
+    return Staged(with_finer_contact(lowest(last)), last, [*starts, *ends, found])
 
 
 def apart(starts: list[Outcome]) -> list[Outcome]:
@@ -284,3 +287,14 @@ def over_all_steps(
         with_following_motors,
         dearer=DIVERGING,
     )
+
+
+def with_finer_contact(found: Outcome) -> Outcome:
+    """The best fit of all steps once more, the contact's force in finer pieces. The coarser ones of the passes before,
+    which are faster, are worth 0.01 µm in the median of 200 gantries, and up to half a micrometre."""
+    if not found.fit.misfit < POOR:
+        return found
+    finer = replace(found.problem.model, effects=tuple(e.refined for e in found.problem.model.effects))
+    problem = replace(found.problem, model=finer)
+    last = fit(problem, found.fit.point, FINER, 0.1)
+    return Outcome(problem, last) if last.cost < DIVERGING * found.fit.cost else found

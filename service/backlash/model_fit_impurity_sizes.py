@@ -3,9 +3,10 @@
 The slope of the mesh's error at the middle of the stroke is hardly to be told from the backlash, nor is how a flank's
 force is bent where the sensor is noisy, and under priors as wide as MESH and BEND either costs up to a micrometre, on
 clean machines too. But a mesh's error of that size is bent as well, and its bows shake the load: the recording says
-how large the error of this machine is. So the priors' widths are unknown too. For each of a few the fit at its end,
-taken linear, says what the backlash would be and how likely the recording is; the backlash is their mean by those
-likelihoods (a hierarchical prior, its widths evenly in the logarithm).
+how large the error of this machine is, and how long its waves are (model_fit_mesh_waves). So the priors' widths and the
+waves' length are unknown too. For each of a few the fit at its end, taken linear, says what the backlash would be and
+how likely the recording is; the backlash is their mean by those likelihoods (a hierarchical prior, its widths evenly in
+the logarithm).
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 from service.backlash.model_fit_data import Measured
 from service.backlash.model_fit_impurities import MeshError
 from service.backlash.model_fit_interval import Linearised
+from service.backlash.model_fit_mesh_waves import of_waves
 from service.backlash.model_fit_problem import FAR, Point, Problem
 from service.backlash.model_fit_problem import fit as fit_from
 from service.backlash.model_fit_stages import Outcome, Reconstruction, passes
@@ -35,13 +37,14 @@ ROUNDS, PASSES = 4, (8, 6, 6)
 
 
 class Weighed(NamedTuple):
-    """What a linearised fit says under each pair of W widths, those of the mesh errors and of the bends.
+    """What a linearised fit says under each of M priors: for each kind of waves, each of the W widths of the mesh
+    errors, and each of the W widths of the bends, the last fastest.
 
     Attributes
     ----------
-    share : (W·W,) how likely each pair is, together 1, the widths of the mesh errors slowest
-    moved : (W·W, P) what it moves the shared coordinates by
-    covariance : (W·W, P, P) of them at true noise
+    share : (M,) how likely each prior is, together 1
+    moved : (M, P) what it moves the shared coordinates by
+    covariance : (M, P, P) of them at true noise
     """
 
     share: FloatArray
@@ -50,23 +53,39 @@ class Weighed(NamedTuple):
 
 
 def weighed(fit: Linearised, misfit: float) -> Weighed:
-    """The linearised fit under every pair of widths. Residuals are taken as large as they are: the likelihood of a fit
-    with a `misfit` above 1 is that much flatter."""
-    u, mesh, bend = fit.at.shared, meshes(fit.model), bends(fit.model)
-    information = np.linalg.inv(fit.covariance) / max(1.0, misfit)
+    """The linearised fit under every prior. Residuals are taken as large as they are: the likelihood of a fit with a
+    `misfit` above 1 is that much flatter."""
+    u, bend, scale = fit.at.shared, bends(fit.model), max(1.0, misfit)
+    seen = (np.linalg.inv(fit.covariance) - np.eye(len(u))) / scale
     moved, covariances, weights = [], [], []
-    for of_mesh, of_bend in product(WIDTHS, WIDTHS if np.any(bend) else WIDTHS[-1:]):
-        width = np.where(mesh, of_mesh, np.where(bend, of_bend, 1.0))
-        tighter = width**-2.0 - 1.0
-        covariance = np.linalg.inv(information + np.diag(tighter))
-        step = -covariance @ (tighter * u)
-        cost = 0.5 * step @ information @ step + 0.5 * np.sum(tighter * (u + step) ** 2)
-        volume = 0.5 * np.linalg.slogdet(covariance)[1] - np.sum(np.log(width))
-        moved.append(step)
-        covariances.append(covariance / max(1.0, misfit))
-        weights.append(volume - cost)
+    for waves, of_mesh in product(priors_of_waves(fit.model), WIDTHS):
+        for of_bend in WIDTHS if np.any(bend) else WIDTHS[-1:]:
+            width = np.where(meshes(fit.model), of_mesh, np.where(bend, of_bend, 1.0))
+            prior = waves / np.outer(width, width)
+            covariance = np.linalg.inv(seen + prior)
+            step = -covariance @ (
+                prior @ u - u / scale
+            )  # at the fit's end the samples pull by u, against its prior
+            cost = 0.5 * step @ seen @ step - u @ step / scale + 0.5 * (u + step) @ prior @ (u + step)
+            moved.append(step)
+            covariances.append(covariance / scale)
+            weights.append(0.5 * np.linalg.slogdet(covariance)[1] + 0.5 * np.linalg.slogdet(prior)[1] - cost)
     share = np.exp(np.array(weights) - max(weights))
     return Weighed(share / np.sum(share), np.stack(moved), np.stack(covariances))
+
+
+def priors_of_waves(model: Model) -> list[FloatArray]:
+    """Inverse priors (P, P) of all shared coordinates, one for each kind of waves: all axes run on one kind of rack."""
+    names = [p.name for p in model.parameters]
+    mesh = next((e for e in model.effects if isinstance(e, MeshError)), None)
+    out = [np.eye(len(names))] if mesh is None else []
+    for kind in () if mesh is None else of_waves(mesh.length):
+        prior = np.eye(len(names))
+        for axis in model.axes:
+            those = [names.index(f"{axis}.{p.name}") for p in MeshError.own]
+            prior[np.ix_(those, those)] = np.linalg.inv(kind)
+        out.append(prior)
+    return out
 
 
 def meshes(model: Model) -> NDArray[np.bool_]:
@@ -95,8 +114,8 @@ def by_evidence(fit: Linearised, misfit: float) -> tuple[Linearised, FloatArray]
 
 def likeliest_width(fit: Linearised, misfit: float) -> float:
     """Of the mesh errors' prior, over that of the fit."""
-    share = weighed(fit, misfit).share.reshape(len(WIDTHS), -1)
-    return WIDTHS[int(np.argmax(np.sum(share, axis=1)))]
+    share = weighed(fit, misfit).share.reshape(len(priors_of_waves(fit.model)), len(WIDTHS), -1)
+    return WIDTHS[int(np.argmax(np.sum(share, axis=(0, 2))))]
 
 
 def narrowed(best: Outcome, width: float) -> Outcome:

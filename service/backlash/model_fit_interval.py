@@ -7,9 +7,9 @@ noise       The residuals are neither white nor alike: what an error of the inpu
             Their covariance is taken as they are, of their local size and with their own correlation over lags,
             apart for what differs from step to step and for what repeats in every step (the "sandwich" of an
             estimator whose residuals are coloured).
-structure   What repeats was partly taken up by the parameters, and no residual shows that part. Where the misfit is
-            above what chance allows, the model lacks something; that is taken to be as large as the excess, to last
-            as long as a flank's swing and to repeat in every step.
+structure   What is above the noise was partly taken up by the parameters, and no residual shows that part. It is taken
+            to be as large as what the residuals show, to last as long as a flank's swing, and to repeat from step to
+            step as they do: what the model lacks repeats, an input that the speed's noise has bent does not.
 directions  The gap is the same both ways; a difference beyond the steps' own scatter is half believed either way.
 repeating   Of a single axis: what repeats in every step of a direction is no sensor's noise. Something acts that the
             model lacks, such as a partner that nobody declared, and of the backlash several times as large a share is
@@ -178,18 +178,20 @@ def noise_variance(fit: Linearised, k: int) -> float:
 
 
 def structure_variance(fit: Linearised, k: int, misfit: float) -> float:
-    """Variance of parameter k by what the model lacks: as large as the excess of the misfit, lasting LASTING, alike in
-    every step."""
-    samples = sum(len(step.r) for step in fit.steps)
-    excess = max(0.0, misfit - 1.0 - np.sqrt(2.0 / samples))
-    together = np.sum(fit.influence(k), axis=0)
-    lag = np.arange(together.shape[1]) * fit.grids[0].h
+    """Variance of parameter k by what the model lacks, which lasts LASTING: alike in every step as far as residuals
+    repeat, and what else is above the noise differs from step to step. All repeats where too few steps could show."""
+    influence, above = fit.influence(k), max(0.0, misfit - 1.0)
+    lag = np.arange(influence.shape[2]) * fit.grids[0].h
     alike = np.exp(-np.abs(lag[:, None] - lag) / LASTING)
-    return float(excess * sum(float(row @ alike @ row) for row in together))
+    in_each, in_all = (float(np.sum((of @ alike) * of)) for of in (influence, influence.sum(axis=0)))
+    found = repeated(fit)
+    repeats = above if found is None else max(0.0, found)
+    return repeats * in_all + max(0.0, above - repeats) * in_each
 
 
-def repeating(fit: Linearised) -> float:
-    """What repeats in the steps of each direction, over the noise: its variance beyond what chance leaves in a mean."""
+def repeated(fit: Linearised) -> float | None:
+    """What repeats in the steps of each direction, over the noise: its variance without what the steps' scatter leaves
+    in a mean, so where nothing repeats it is as often below zero as above. None where no direction has FEWEST steps."""
     residual, found = fit.residual, []
     direction = np.array([float(grid.s) for grid in fit.grids])
     for s in (1.0, -1.0):
@@ -202,7 +204,12 @@ def repeating(fit: Linearised) -> float:
         mean = np.nansum(those, axis=0) / n
         scatter = np.nansum((those - mean) ** 2, axis=0) / (n - 1)
         found.append(float(np.mean(mean**2 - scatter / n)))
-    return max(0.0, float(np.mean(found)) - BY_CHANCE) if found else 0.0
+    return float(np.mean(found)) if found else None
+
+
+def repeating(fit: Linearised) -> float:
+    """What of the residuals repeats by more than chance, over the noise."""
+    return max(0.0, (repeated(fit) or 0.0) - BY_CHANCE)
 
 
 class Difference(NamedTuple):

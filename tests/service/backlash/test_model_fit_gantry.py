@@ -17,8 +17,16 @@ from service.backlash import model_fit, model_fit_gantry
 from service.backlash.model_fit import model_fit_axes
 from service.backlash.model_fit_data import Measured, measure, problem_of, with_reconstructed_motion
 from service.backlash.model_fit_gantry import with_gear_and_pinion
-from service.backlash.model_fit_problem import Point, Problem, fit
-from service.backlash.model_fit_stages import HOPELESS, Outcome, following_force, local_spread, sound_drives
+from service.backlash.model_fit_problem import Point, Problem, answer, fit
+from service.backlash.model_fit_stages import (
+    HOPELESS,
+    Outcome,
+    backlashes,
+    following_force,
+    local_spread,
+    sound_drives,
+    with_impurities,
+)
 from service.backlash.results import Reason
 from service.captures import read_capture
 from service.dynamics.driven_model import Model
@@ -138,3 +146,20 @@ def test_only_masses_and_damping_of_a_drive_are_taken_back_to_what_is_sound() ->
     taken = dict(zip((p.name for p in model.parameters), sound_drives(model, far), strict=True))
     assert taken["X1.pinion_mass"] == taken["X1.gear_damping_ratio"] == -1.0
     assert taken["X1.backlash"] == taken["X1.pinion_stiffness"] == taken["X1.coulomb"] == -3.0
+
+
+def test_a_bent_contact_is_fitted_in_finer_pieces_at_the_end() -> None:
+    """Accelerations of bent flanks in fine pieces: coarse ones take something else for it, the last fit does not."""
+    _, pure = light(8)
+    coarse, at = with_impurities(pure, Point(np.zeros(len(pure.free)), np.zeros(pure.local_shape)))
+    u = np.array([2.0 if p.name.endswith(".bend") else 0.0 for p in coarse.model.parameters])
+    effects = tuple(e.refined for e in coarse.model.effects)
+    made = answer(replace(coarse, model=replace(coarse.model, effects=effects)), replace(at, shared=u))[0]
+    grids = zip(coarse.grids, made.acceleration[0], strict=True)
+    recorded_so = replace(coarse, grids=tuple(replace(g, measured=a) for g, a in grids))
+    found = Outcome(recorded_so, fit(recorded_so, Point(u, at.local), 4))
+    last = model_fit_gantry.with_finer_contact(found)
+    true = backlashes(recorded_so, replace(found.fit, point=replace(at, shared=u)))
+    before, after = (np.abs(backlashes(o.problem, o.fit) - true) for o in (found, last))
+    assert last.fit.misfit < 0.2 * found.fit.misfit
+    assert np.max(after) < 0.2 * np.max(before)

@@ -8,8 +8,10 @@ from typing import cast
 import numpy as np
 import pytest
 
+from service.backlash.model_fit_impurities import MeshError
 from service.backlash.model_fit_impurity_sizes import by_evidence
 from service.backlash.model_fit_interval import Linearised, Step
+from service.backlash.model_fit_mesh_waves import band
 from service.backlash.model_fit_problem import Point
 from service.dynamics.driven_model import Model
 from service.recording import FloatArray
@@ -18,24 +20,27 @@ NAMES = ("X1.backlash", "X1.mesh_1", "X1.mesh_2", "X1.mesh_3")
 T, N = 5, 40
 
 
-def design() -> FloatArray:
+def design(P: int) -> FloatArray:
     """Derivatives (T, N, P) of the residuals: the backlash and the first mesh error are nearly alike, the others are
     plain to see."""
     rng = np.random.default_rng(11)
-    columns = rng.standard_normal((T, N, len(NAMES)))
+    columns = rng.standard_normal((T, N, P))
     columns[..., 1] = columns[..., 0] + 0.05 * columns[..., 1]
     return columns
 
 
-def fitted(true: FloatArray, seed: int, names: tuple[str, ...] = NAMES) -> Linearised:
+def fitted(
+    true: FloatArray, seed: int, names: tuple[str, ...] = NAMES, effects: tuple[MeshError, ...] = ()
+) -> Linearised:
     """A fit at its end of residuals with noise 1, all priors standard normal."""
-    S = design()
+    S = design(len(true))
     noise = np.random.default_rng(seed).standard_normal((T, N))
     information = np.eye(len(true)) + np.tensordot(S, S, ((0, 1), (0, 1)))
     covariance = np.linalg.inv(information)
     u = covariance @ np.tensordot(S, S @ true + noise, ((0, 1), (0, 1)))
     left = S @ (u - true) - noise
-    model = SimpleNamespace(parameters=[SimpleNamespace(name=name) for name in names])
+    parameters = [SimpleNamespace(name=name) for name in names]
+    model = SimpleNamespace(parameters=parameters, effects=effects, axes=("X1",))
     index = np.arange(N)
     steps = [Step(0 * index, index, r, s, np.zeros((N, 0)), s) for r, s in zip(left, S, strict=True)]
     return Linearised(cast(Model, model), (), Point(u, np.zeros((T, 1, 0))), tuple(steps), covariance)
@@ -85,3 +90,20 @@ def test_residuals_move_with_the_parameters() -> None:
     after, _ = by_evidence(fit, 1.0)
     for before, step in zip(fit.steps, after.steps, strict=True):
         assert step.r == pytest.approx(before.r + before.shared @ (after.at.shared - fit.at.shared))
+
+
+def test_the_bows_of_a_wave_say_how_steep_it_is() -> None:
+    """Waves of one tooth's length and any phase, on a stroke of a little less."""
+    length, rng = 5e-3, np.random.default_rng(6)
+    names = ("X1.backlash", *(f"X1.{p.name}" for p in MeshError.own))
+    root = np.linalg.cholesky(band(length, 6.2e-3, 6.4e-3))
+    errors = []
+    for seed in range(200):
+        true = np.array([0.3, *(root @ rng.standard_normal(len(root)))])
+        known, unknown = (
+            by_evidence(fitted(true, seed, names, effects), 1.0)[0].at.shared[0] - 0.3
+            for effects in ((MeshError(("X1",), 0.0, length),), ())
+        )
+        errors.append([known, unknown])
+    with_waves, without = np.sqrt(np.mean(np.square(errors), axis=0))
+    assert with_waves < 0.7 * without

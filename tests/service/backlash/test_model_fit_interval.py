@@ -90,25 +90,41 @@ def test_lost_samples_repeat_nothing_and_a_direction_of_few_steps_does_not_count
     assert repeating(left(residual)) == pytest.approx(81.0, rel=0.05)
 
 
-def linear(influence: FloatArray, samples: int) -> Linearised:
-    """As much of a linearised fit as the structure asks for; one axis."""
-    steps = [SimpleNamespace(r=np.zeros(samples // T)) for _ in range(T)]
-    grids = [SimpleNamespace(h=H)]
-    fit = SimpleNamespace(steps=steps, grids=grids, influence=lambda k: influence[:, None])
+def linear(influence: FloatArray, residual: FloatArray) -> Linearised:
+    """As much of a linearised fit as the structure asks for; one axis, steps (T, K) to and fro."""
+    grids = [SimpleNamespace(h=H, s=s) for s in np.resize((1.0, -1.0), len(residual))]
+    fit = SimpleNamespace(grids=grids, residual=residual[:, None], influence=lambda k: influence[:, None])
     return cast(Linearised, fit)
 
 
+def differing(power: float) -> FloatArray:
+    """Residuals (T, K) beside the noise, of a mean square above it, another in every step."""
+    return np.sqrt(1.0 + power) * np.random.default_rng(17).standard_normal((T, K))
+
+
 def test_structure_is_none_at_the_noise_and_grows_with_the_excess() -> None:
-    fit = linear(influences(), 20_000)
+    fit = linear(influences(), np.zeros((T, K)))
     assert structure_variance(fit, 0, 0.95) == structure_variance(fit, 0, 1.0) == 0.0
-    small, large = (structure_variance(fit, 0, misfit) for misfit in (1.11, 2.01))
-    assert large == pytest.approx(10.0 * small, rel=0.01)
+    small, large = (structure_variance(fit, 0, misfit) for misfit in (1.1, 2.0))
+    assert large == pytest.approx(10.0 * small)
 
 
-def test_structure_repeats_in_every_step_and_does_not_average_out() -> None:
-    """A lack that is alike in all steps moves the sum of T influences T times as much as one, noise √T times."""
-    once = structure_variance(linear(influences()[:1], 20_000), 0, 2.0)
-    assert structure_variance(linear(influences(), 20_000), 0, 2.0) == pytest.approx(T**2 * once)
+def test_what_the_model_lacks_does_not_average_out_as_far_as_it_repeats() -> None:
+    """A lack that is alike in all steps moves the sum of T influences T times as much as one, what differs √T times."""
+    rng = np.random.default_rng(18)
+    noise, shape = rng.standard_normal((T, K)), 3.0 * np.sin(np.arange(K) / 5.0)
+    repeats = structure_variance(linear(influences(), noise + shape), 0, 1.0 + np.mean(shape**2))
+    differs = structure_variance(
+        linear(influences(), differing(np.mean(shape**2))), 0, 1.0 + np.mean(shape**2)
+    )
+    assert repeats == pytest.approx(T * differs, rel=0.3)
+
+
+def test_two_steps_of_a_direction_cannot_show_what_repeats() -> None:
+    """Then all of the excess is taken to repeat."""
+    few = linear(influences()[:4], differing(1.0)[:4])
+    one = linear(influences()[:1], differing(1.0)[:1])
+    assert structure_variance(few, 0, 2.0) == pytest.approx(16.0 * structure_variance(one, 0, 2.0))
 
 
 def test_directions_that_differ_more_than_their_scatter_widen_the_interval() -> None:
