@@ -82,11 +82,11 @@ def measured(task: Task) -> list[Record]:
     path, method = Path(task.path), METHODS[task.method]
     recording = read_capture(path)
     truth = json.loads(path.with_name(path.stem + "-truth.json").read_text())["backlash_m"]
-    _forget_peak()
+    forget_peak()
     start = time.process_time()
     results = method(recording)
     spent = time.process_time() - start
-    peak = _peak_mb()
+    peak = peak_mb()
     shared = {"row": task.row, "capture": path.name, "method": task.method, "source": task.source}
     shared |= {"axes": len(recording.axes), "cpu_s": round(spent, 4), "peak_mb": round(peak, 1)}
     return [shared | _answer(result, truth[result.axis]) for result in results]
@@ -105,7 +105,7 @@ def _answer(result: AxisResult, truth: float) -> Record:
     }
 
 
-def _forget_peak() -> None:
+def forget_peak() -> None:
     """Start the kernel's record of this process' peak memory anew, where it lets one, and first give back what earlier
     tasks left behind: the product has a process for every fit."""
     gc.collect()
@@ -115,8 +115,8 @@ def _forget_peak() -> None:
         Path("/proc/self/clear_refs").write_text("5")
 
 
-def _peak_mb() -> float:
-    """Peak resident memory [MB] of this process since `_forget_peak`."""
+def peak_mb() -> float:
+    """Peak resident memory [MB] of this process since `forget_peak`."""
     try:
         status = Path("/proc/self/status").read_text()
     except OSError:

@@ -1,0 +1,93 @@
+"""The table of planted against answered: what counts as right, its rates, and that a campaign goes on where it was."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.benchmarks import explain_table
+from tests.benchmarks.measuring import Record, fingerprint
+from tests.undeclared import generate
+
+
+def row(planted: str, first: str, rivals: list[list[str]] | None = None, name: str = "a-000") -> Record:
+    """A record of one pair."""
+    return {
+        "name": name, "source": "s", "planted": planted, "answer": first, "first": first, "rivals": rivals or [],
+        "ratio_before": 2.0, "ratio_after": 1.0, "before_um": 3.0, "after_um": 0.1, "axes": 1, "cpu_s": 9.0,
+        "peak_mb": 300.0,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("planted", "first", "rivals", "correct"),
+    [
+        ("sensor_gain", "sensor_gain", [], True),
+        ("sensor_gain", "sensor_bias", [], False),
+        ("sensor_gain", "none", [], False),
+        ("sensor_gain", "compliance", [["compliance", "sensor_gain"]], True),
+        ("clipping", "unknown", [], True),
+        ("clipping", "sensor_gain", [], False),
+        ("none", "none", [], True),
+        ("none", "unknown", [], False),
+    ],
+)
+def test_right_is_the_planted_name_and_unknown_for_what_the_library_lacks(
+    planted: str, first: str, rivals: list[list[str]], correct: bool
+) -> None:
+    assert explain_table.right(row(planted, first, rivals)) is correct
+
+
+def test_a_pair_that_is_refused_is_not_right() -> None:
+    refused = {"name": "a-000", "planted": "none", "answer": "refused", "why": "two rates"}
+    assert not explain_table.right(refused)
+
+
+def test_the_rates_are_of_the_three_kinds_of_machines(capsys: pytest.CaptureFixture[str]) -> None:
+    rows = [row("sensor_gain", "sensor_gain"), row("sensor_gain", "none"), row("clipping", "unknown")]
+    explain_table.tabulate([*rows, row("none", "none"), row("none", "none"), row("none", "sensor_bias")])
+    printed = capsys.readouterr().out
+    assert "in the library: right name     1 of 2, 50.0%" in printed
+    assert "outside of it: unknown         1 of 1, 100.0%" in printed
+    assert "clean: nothing found           2 of 3, 66.7%" in printed
+    assert "1 axes: CPU time median 9 s" in printed
+
+
+def test_a_campaign_goes_on_with_the_same_numerics_only(tmp_path: Path) -> None:
+    results, now = tmp_path / "results.jsonl", fingerprint(*explain_table.NUMERICS)
+    known = row("none", "none", name="none-000") | {"source": now}
+    results.write_text(
+        json.dumps(known) + "\n" + json.dumps(known | {"source": "older", "first": "x"}) + "\n"
+    )
+    assert list(explain_table.run([tmp_path / "none-000-truth.json"], results, 1)) == [known]
+
+
+def test_one_machine_of_every_kind_comes_after_the_other(tmp_path: Path) -> None:
+    arguments = [
+        "--effects",
+        "sensor_bias",
+        "--count",
+        "2",
+        "--clean",
+        "2",
+        "--seed",
+        "5",
+        "--work",
+        str(tmp_path),
+    ]
+    files = explain_table.made(explain_table.parsed(arguments))
+    assert [f.name.removesuffix("-truth.json") for f in files] == [
+        "messy-000", "none-000", "sensor_bias-000", "sensor_bias-001",
+    ]  # fmt: skip
+    assert all(explain_table.complete(f) for f in files)
+    again = {f: f.stat().st_mtime_ns for f in files}
+    assert {f: f.stat().st_mtime_ns for f in explain_table.made(explain_table.parsed(arguments))} == again
+    (files[0].parent / "messy-000-train.parquet").unlink()
+    assert not explain_table.complete(files[0])
+
+
+def test_every_effect_of_the_generator_is_planted() -> None:
+    for kind in explain_table.EFFECTS:
+        assert generate.cases(generate.Campaign(kind, 10, 1, pairs=True), 0)
