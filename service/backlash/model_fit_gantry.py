@@ -28,6 +28,8 @@ from service.backlash.model_fit_problem import Fit, Point, Problem, fit
 from service.backlash.model_fit_stages import (
     DIVERGING,
     HOPELESS,
+    NEARER,
+    POOR,
     Effort,
     Outcome,
     Reconstruction,
@@ -64,12 +66,6 @@ CLOSE = 1.3
 
 LITTLE = Effort(candidates=1500, tried=12, brief=8, starts=3)
 """Where only a comparison is asked for."""
-
-POOR = 3.0
-"""Misfit from which on a wrong minimum is suspected."""
-
-NEARER = 0.75
-"""Share of the cost on a few steps below which another search's start is worth a fit of all steps."""
 
 ONLY_NOISE = 1.03
 """Misfit on the few steps at which no other sharing is tried: 2,000 samples tell 3 %."""

@@ -1,8 +1,9 @@
 """The stages of a single axis' fit around those of model_fit_stages: a further search, and a motor that follows.
 
-The search is done once more from other random machines where the first one comes nowhere near on the few steps. What
-is left above the noise over all steps, the speed's too, may be the motor's motion between its samples: then further
-passes follow in which it obeys all that its samples, its torque and the force say together.
+The search is done once more from other random machines where the first one comes nowhere near on the few steps, or
+ends far from all of them. What is left above the noise over all steps, the speed's too, may be the motor's motion
+between its samples: then further passes follow in which it obeys all that its samples, its torque and the force say
+together.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ from service.backlash.model_fit_motion import with_following_motors
 from service.backlash.model_fit_problem import Problem, fit
 from service.backlash.model_fit_stages import (
     HOPELESS,
+    NEARER,
+    POOR,
     STANDSTILL,
     Effort,
     Outcome,
@@ -43,7 +46,7 @@ NOWHERE = 10.0
 FOLLOWED = 1.5
 """Misfit over all steps from which on the motor's motion is suspected: as much again as half the noise."""
 
-FOLLOWING = (5, 4, 4)
+FOLLOWING = (5, 4, 4, 4, 4, 4)
 """Rounds of the passes in which the motor follows."""
 
 
@@ -53,12 +56,26 @@ def single_fit(measured: Measured, guesses: dict[str, Guess], effort: Effort) ->
     problem = problem_of(measured, model, local_spread(model))
     starts = from_starts(measured, problem, guesses, effort)
     if starts[0].fit.misfit > NOWHERE:
-        other = searched_again(measured, problem, guesses)
-        # Whichever is nearer: how the drive is shared out is the least that is wrong.
-        nearer = other.fit.cost < starts[0].fit.cost
-        once = replace(effort, sharings=False, refine=effort.refine[:1])
-        starts, effort = ([other], AGAIN) if nearer else (starts, once)
-    return followed(measured, refined(measured, problem, starts, effort))
+        return from_nowhere(measured, problem, starts, searched_again(measured, problem, guesses), effort)
+    found = followed(measured, refined(measured, problem, starts, effort))
+    if not POOR < found.best.fit.misfit < HOPELESS:
+        return found
+    others = from_starts(measured, problem, guesses, replace(effort, seed=effort.seed + 1))
+    if others[0].fit.cost > NEARER * starts[0].fit.cost:
+        return found
+    again = followed(measured, refined(measured, problem, others, effort))
+    return min(found, again, key=lambda staged: staged.best.fit.cost)
+
+
+def from_nowhere(
+    measured: Measured, problem: Problem, starts: list[Outcome], other: Outcome, effort: Effort
+) -> Staged:
+    """The stages after a search that came nowhere near, and what the further one found."""
+    # Whichever is nearer: how the drive is shared out is the least that is wrong.
+    if other.fit.cost < starts[0].fit.cost:
+        return followed(measured, refined(measured, problem, [other], AGAIN))
+    once = replace(effort, sharings=False, refine=effort.refine[:1])
+    return followed(measured, refined(measured, problem, starts, once))
 
 
 def searched_again(measured: Measured, problem: Problem, guesses: dict[str, Guess]) -> Outcome:

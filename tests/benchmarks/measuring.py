@@ -81,7 +81,7 @@ def measured(task: Task) -> list[Record]:
     """Run a task: one record per axis."""
     path, method = Path(task.path), METHODS[task.method]
     recording = read_capture(path)
-    truth = json.loads(path.with_name(path.stem + "-truth.json").read_text())["backlash_m"]
+    truth = json.loads(path.with_name(path.stem + "-truth.json").read_text())
     forget_peak()
     start = time.process_time()
     results = method(recording)
@@ -89,7 +89,17 @@ def measured(task: Task) -> list[Record]:
     peak = peak_mb()
     shared = {"row": task.row, "capture": path.name, "method": task.method, "source": task.source}
     shared |= {"axes": len(recording.axes), "cpu_s": round(spent, 4), "peak_mb": round(peak, 1)}
-    return [shared | _answer(result, truth[result.axis]) for result in results]
+    ways = crossed_both_ways(truth, len(recording.moves))
+    return [
+        shared | {"both_ways": ways[result.axis]} | _answer(result, truth["backlash_m"][result.axis])
+        for result in results
+    ]
+
+
+def crossed_both_ways(truth: Mapping[str, Any], moves: int) -> dict[str, bool]:
+    """Per axis whether the gap is crossed in more moves than go one way; where the truth does not say, it is."""
+    counted = truth.get("moves_that_cross", {})
+    return {axis: counted.get(axis, moves) > moves / 2 for axis in truth["backlash_m"]}
 
 
 def _answer(result: AxisResult, truth: float) -> Record:

@@ -135,7 +135,20 @@ def _print_refusals(records: Sequence[Record]) -> None:
     """Why sound machines were refused, by the methods that the product reports."""
     for record in records:
         if record["verdict"] == "refused" and record["method"] in ("service", "model_fit"):
-            print(f"refused by {record['method']}: {record['capture']} {record['axis']}: {record['detail']}")
+            way = "" if record["both_ways"] else " (crosses one way only, by the truth)"
+            print(
+                f"refused by {record['method']}: {record['capture']} {record['axis']}{way}: {record['detail']}"
+            )
+    for method in ("model_fit", "service"):
+        # On a gantry a gap that is crossed one way only is not to be told from the zeros' distance: no sound run.
+        sound = [r for r in records if r["method"] == method and r["both_ways"]]
+        refused = [r for r in sound if r["verdict"] == "refused"]
+        if sound:
+            captures, lost = ({(r["row"], r["capture"]) for r in those} for those in (sound, refused))
+            print(
+                f"refused by {method} of what crosses its gap both ways: {len(refused)} of {len(sound)} axes "
+                f"({len(refused) / len(sound):.1%}), {len(lost)} of {len(captures)} runs"
+            )
 
 
 def _print_faults(records: Sequence[Record]) -> None:

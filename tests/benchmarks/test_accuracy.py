@@ -9,8 +9,8 @@ import pytest
 
 from tests.benchmarks import accuracy, draw_accuracy
 from tests.benchmarks.campaign import Campaign, records, run
-from tests.benchmarks.measuring import Record
-from tests.benchmarks.tabulate import limits, line, service
+from tests.benchmarks.measuring import Record, crossed_both_ways
+from tests.benchmarks.tabulate import limits, line, print_tables, service
 
 
 def record(method: str, true: float, found: float | None, half: float = 1e-6, row: str = "single") -> Record:
@@ -19,7 +19,7 @@ def record(method: str, true: float, found: float | None, half: float = 1e-6, ro
         "row": row, "capture": f"{true}.parquet", "axis": "X1", "method": method, "axes": 1, "true_m": true,
         "verdict": "refused" if found is None else "ok", "answered_by": method, "reason": None, "detail": None,
         "backlash_m": found, "interval_95_m": None if found is None else [found - half, found + half],
-        "cpu_s": 0.1, "peak_mb": 100.0, "source": "s",
+        "cpu_s": 0.1, "peak_mb": 100.0, "source": "s", "both_ways": True,
     }  # fmt: skip
 
 
@@ -35,6 +35,17 @@ def test_the_limits_are_the_issues() -> None:
     assert limits(record("paper", 100e-6, None)) == pytest.approx((0.5e-6, 0.3e-6))
     assert limits(record("paper", 30e-6, None, row="impure"))[0] == 1e-6
     assert limits(record("paper", 30e-6, None) | {"axes": 2}) == (1e-6, 0.5e-6)
+
+
+def test_a_gap_that_the_truth_crosses_one_way_is_no_sound_run(capsys: pytest.CaptureFixture[str]) -> None:
+    truth = {"backlash_m": {"X1": 3e-5, "X2": 4e-5}, "moves_that_cross": {"X1": 10, "X2": 5}}
+    assert crossed_both_ways(truth, 10) == {"X1": True, "X2": False}
+    assert crossed_both_ways({"backlash_m": {"X1": 3e-5}}, 10) == {"X1": True}
+    one_way = record("model_fit", 40e-6, None) | {"both_ways": False}
+    print_tables([record("model_fit", 50e-6, 50e-6), record("model_fit", 60e-6, None), one_way])
+    printed = capsys.readouterr().out
+    assert "what crosses its gap both ways: 1 of 2 axes (50.0%), 1 of 2 runs" in printed
+    assert printed.count("(crosses one way only, by the truth)") == 1
 
 
 def test_the_service_reports_the_fit_or_the_plain_value_beside_a_refusal_of_the_fit_alone() -> None:

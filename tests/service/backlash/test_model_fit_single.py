@@ -31,14 +31,13 @@ def outcome(misfit: float) -> Outcome:
     ("few", "whole", "seeds", "refined"),
     [
         ([1.2], [1.1], [1], [1.2]),
-        ([6.0], [8.0], [1], [6.0]),  # a poor end is not the search's fault
-        (
-            [60.0, 1.2],
-            [1.1],
-            [1, 2],
-            [1.2],
-        ),  # nowhere near on the few steps: the better start alone is refined
+        # nowhere near on the few steps: the better start alone is refined
+        ([60.0, 1.2], [1.1], [1, 2], [1.2]),
         ([60.0, 80.0], [9.0], [1, 2], [60.0]),
+        # far from all steps: only a start that is nearer on the few is worth another fit
+        ([8.5, 2.5], [6.6, 3.5], [1, 2], [8.5, 2.5]),
+        ([8.5, 2.5], [6.6, 7.5], [1, 2], [8.5, 2.5]),
+        ([6.0, 5.5], [8.0], [1, 2], [6.0]),
     ],
 )
 def test_a_search_that_came_nowhere_near_is_done_once_more(
@@ -76,7 +75,11 @@ def test_a_search_that_came_nowhere_near_is_done_once_more(
 
 @pytest.mark.parametrize(
     ("misfits", "ends"),
-    [([1.4], [1.4]), ([4.6, 1.02, 1.04], [4.6, 1.02]), ([4.6, 2.0, 1.6, 1.5], [4.6, 2.0, 1.6, 1.5])],
+    [
+        ([1.4], [1.4]),
+        ([4.6, 1.02, 1.04], [4.6, 1.02]),
+        ([9.0, 7.0, 6.0, 5.0, 4.0, 3.0, 2.0], [9.0, 7.0, 6.0, 5.0, 4.0, 3.0, 2.0]),
+    ],
 )
 def test_the_motor_follows_as_long_as_that_is_better(
     monkeypatch: pytest.MonkeyPatch, misfits: list[float], ends: list[float]
