@@ -128,7 +128,8 @@ def model_fit_axes(recording: Recording, axis: str) -> dict[str, AxisResult]:
         staged = sound(measured, staged)
     best = staged.best
     linear = linearised(best.problem, best.fit.point)
-    beside = Beside(best, linear, likeliest_width(linear, best.fit.misfit))
+    width = likeliest_width(linear, best.fit.misfit)
+    beside = Beside(best, linear, width, lowest(staged.ends))
     moves = None
     if len(axes) == 1 and unsure(linear, best.fit.misfit, coordinate(best, 0)):
         moves = whole_moves(recording, best)

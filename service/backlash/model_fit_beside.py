@@ -33,11 +33,13 @@ INPUT_OFF = 1.5
 
 @dataclass(frozen=True)
 class Beside:
-    """A gantry's best fit, linearised, with the mesh errors' prior of the given width over that of the fit."""
+    """A gantry's best fit, linearised, with the mesh errors' prior of the given width over that of the fit; and the
+    best pass with the coarser contact, which is faster fitted again, and differs by as much beside as at its end."""
 
     best: Outcome
     linear: Linearised
     width: float
+    coarse: Outcome
 
     def rise(self, k: int, value: float) -> float:
         """How much the least cost lies higher with parameter k held at a value.
@@ -53,7 +55,11 @@ class Beside:
         parabola = 0.5 * away**2 / float(np.linalg.inv(self.information)[k, k])
         if self.best.fit.misfit > INPUT_OFF or abs(rise - parabola) < ALIKE * parabola + LITTLE:
             return rise
-        return self.fitted(k, value) - self.narrow.fit.cost
+        name = self.best.problem.model.parameters[k].name
+        apart = self.coarse.fit.value(self.coarse.problem.model, name) - self.best.fit.value(
+            self.best.problem.model, name
+        )
+        return self.fitted(k, value + apart) - self.narrow.fit.cost
 
     @cached_property
     def prior(self) -> FloatArray:
@@ -87,8 +93,8 @@ class Beside:
 
     @cached_property
     def narrow(self) -> Outcome:
-        """The best fit under the narrower prior."""
-        return narrowed(self.best, self.width)
+        """The coarser fit under the narrower prior."""
+        return narrowed(self.coarse, self.width)
 
     def fitted(self, k: int, value: float) -> float:
         """The least cost with parameter k held at a value, everything else fitted again."""

@@ -292,5 +292,5 @@ def with_finer_contact(found: Outcome) -> Outcome:
         return found
     finer = replace(found.problem.model, effects=tuple(e.refined for e in found.problem.model.effects))
     problem = replace(found.problem, model=finer)
-    last = fit(problem, found.fit.point, FINER, 0.1)
+    last = fit(problem, found.fit.point, FINER, 0.3)
     return Outcome(problem, last) if last.cost < DIVERGING * found.fit.cost else found

@@ -15,8 +15,12 @@ import numpy as np
 EXCLUDED = 6.0
 """Fall of the logarithm of the likelihood from which on a value is out of the question: 3.5 standard deviations."""
 
-DOUBLINGS = 4
-"""Times that a held value is moved out, each twice as far as before."""
+FARTHER, OUTERMOST = (2.0, 8.0), 16.0
+"""How many times as far the next value is held, and the last one over the first: each costs a fit. Of a parabola the
+next one is out of the question; what hardly rises is followed by large strides."""
+
+SMALLEST = 0.1
+"""Share of the value below which none is held: a gap has a width."""
 
 TAIL = 0.025
 
@@ -42,11 +46,12 @@ def fallen(rise: Callable[[float], float], value: float, step: float, misfit: fl
     """How much the logarithm of the likelihood falls, the residuals being as large as they are, at distances [m] from
     the value in the direction of `step` [m]."""
     found: dict[float, float] = {}
-    for doubling in range(DOUBLINGS + 1):
-        beside = step * 2.0**doubling
-        if value + beside <= 0.0:
+    times, last = 1.0, OUTERMOST if step > 0.0 else min(OUTERMOST, (1.0 - SMALLEST) * value / -step)
+    while times <= last:
+        fall = max(0.0, rise(value + step * times) / max(1.0, misfit))
+        found[step * times] = fall
+        if fall > EXCLUDED or times == last:
             break
-        found[beside] = max(0.0, rise(value + beside) / max(1.0, misfit))
-        if found[beside] > EXCLUDED:
-            break
+        stride = float(np.clip(np.sqrt(1.5 * EXCLUDED / max(fall, 1e-9)), *FARTHER))
+        times = min(times * stride, last)
     return found

@@ -19,7 +19,9 @@ from service.recording import FloatArray
 
 NAMES = ("X1.backlash", "X1.mesh_1", "X1.coulomb")
 T, N, L = 3, 30, 2
-WIDTH = 0.25
+WIDTH, COARSER = 0.25, 0.2
+"""Of the mesh errors' prior, and how far the backlash of the fit with the coarser contact lies beside."""
+
 RNG = np.random.default_rng(5)
 S, OWN, NOISE = (
     RNG.standard_normal((T, N, len(NAMES))),
@@ -68,8 +70,13 @@ def beside(misfit: float = 1.0) -> Beside:
     steps = [Step(index, index, *of) for of in zip(left, S, OWN, cleared, strict=True)]
     information = np.eye(3) + sum(s.T @ c for s, c in zip(S, cleared, strict=True))
     fit = Linearised(problem.model, (), at, tuple(steps), np.linalg.inv(information))
-    best = SimpleNamespace(problem=problem, fit=SimpleNamespace(misfit=misfit))
-    return Beside(cast(Outcome, best), fit, WIDTH)
+    best, coarse = (
+        SimpleNamespace(
+            problem=problem, fit=SimpleNamespace(misfit=misfit, value=lambda model, name, b=b: float(b))
+        )
+        for b in (x[0], x[0] + COARSER)
+    )
+    return Beside(cast(Outcome, best), fit, WIDTH, cast(Outcome, coarse))
 
 
 @pytest.mark.parametrize("value", [-0.7, -0.1, 0.3, 1.5])
@@ -92,9 +99,9 @@ def test_where_the_answer_changes_its_kind_everything_is_fitted_again(
         return answer(problem, near)
 
     monkeypatch.setattr(model_fit_beside, "residuals_at", ending)
-    monkeypatch.setattr(Beside, "fitted", lambda self, k, value: 107.0)
+    monkeypatch.setattr(Beside, "fitted", lambda self, k, value: 100.0 + value)
     monkeypatch.setattr(Beside, "narrow", SimpleNamespace(fit=SimpleNamespace(cost=100.0)))
-    assert beside().rise(0, 3.0) == pytest.approx(7.0)
+    assert beside().rise(0, 3.0) == pytest.approx(3.0 + COARSER), "as far from the coarser fit's own value"
     monkeypatch.undo()
     monkeypatch.setattr(model_fit_beside, "residuals_at", ending)
     assert beside(2.0).rise(0, 3.0) > 0.0, "where more than noise is left nothing is fitted again"

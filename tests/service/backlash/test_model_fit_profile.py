@@ -56,3 +56,17 @@ def test_no_gap_below_nothing_is_tried() -> None:
 
     widened(rise, 50e-6, 20e-6, 1.0)
     assert np.min(tried) > 0.0
+
+
+def test_few_values_are_held_where_each_costs_a_fit() -> None:
+    """The narrower the interval began, the larger the strides."""
+    for half, most in ((1.96, 4), (0.2, 8)):
+        tried: list[float] = []
+
+        def rise(value: float, tried: list[float] = tried) -> float:
+            tried.append(value)
+            return 0.5 * (value - 50e-6) ** 2 / 1e-12
+
+        found = widened(rise, 50e-6, half * 1e-6, 1.0)
+        assert found == pytest.approx((50e-6, 1.96e-6), rel=0.1)
+        assert len(tried) <= most
