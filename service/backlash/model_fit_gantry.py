@@ -28,8 +28,6 @@ from service.backlash.model_fit_problem import Fit, Point, Problem, fit
 from service.backlash.model_fit_stages import (
     DIVERGING,
     HOPELESS,
-    NEARER,
-    POOR,
     Effort,
     Outcome,
     Reconstruction,
@@ -66,6 +64,12 @@ CLOSE = 1.3
 
 LITTLE = Effort(candidates=1500, tried=12, brief=8, starts=3)
 """Where only a comparison is asked for."""
+
+POOR = 3.0
+"""Misfit from which on a wrong minimum is suspected."""
+
+NEARER = 0.75
+"""Share of the cost on a few steps below which another search's start is worth a fit of all steps."""
 
 ONLY_NOISE = 1.03
 """Misfit on the few steps at which no other sharing is tried: 2,000 samples tell 3 %."""
@@ -126,11 +130,20 @@ def gantry_fit(measured: Measured, effort: Effort) -> Staged:
 
 
 def explained(recording: Recording, axes: tuple[str, ...]) -> float:
-    """How far a few steps are from any gantry, along the loads' measured motion: a misfit for comparisons."""
-    steps = range(min(SEARCH_STEPS, len(recording.moves)))
-    model = Model(axes, 1)
-    few = problem_of(measure(recording, axes, steps), model, local_spread(model)).along_measured()
-    return balanced_fits(few, LITTLE)[0].cost
+    """How far a few steps are from any gantry, along the loads' measured motion: a cost for comparisons."""
+    return balanced_fits(few_steps(recording, axes)[1], LITTLE)[0].cost
+
+
+def explained_closely(recording: Recording, axes: tuple[str, ...]) -> float:
+    """The same with the gantry simulated, which tells more and takes seconds."""
+    measured, few = few_steps(recording, axes)
+    return starts_of(measured, few, balanced_fits(few, LITTLE), LITTLE)[0].fit.cost
+
+
+def few_steps(recording: Recording, axes: tuple[str, ...]) -> tuple[Measured, Problem]:
+    """The first steps of a recording, and the problem of them along the loads' measured motion."""
+    measured, model = measure(recording, axes, range(min(SEARCH_STEPS, len(recording.moves)))), Model(axes, 1)
+    return measured, problem_of(measured, model, local_spread(model)).along_measured()
 
 
 def simulated_from(measured: Measured, few: Problem, balanced: list[Fit], effort: Effort) -> Staged:

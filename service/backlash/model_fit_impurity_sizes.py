@@ -63,9 +63,8 @@ def weighed(fit: Linearised, misfit: float) -> Weighed:
             width = np.where(meshes(fit.model), of_mesh, np.where(bend, of_bend, 1.0))
             prior = waves / np.outer(width, width)
             covariance = np.linalg.inv(seen + prior)
-            step = -covariance @ (
-                prior @ u - u / scale
-            )  # at the fit's end the samples pull by u, against its prior
+            # At the end of the fit the samples pull by u, against its prior.
+            step = covariance @ (u / scale - prior @ u)
             cost = 0.5 * step @ seen @ step - u @ step / scale + 0.5 * (u + step) @ prior @ (u + step)
             moved.append(step)
             covariances.append(covariance / scale)

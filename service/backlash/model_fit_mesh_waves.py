@@ -7,7 +7,7 @@ length; that is unknown, but for bands of it the coefficients' covariance follow
 
 from __future__ import annotations
 
-from functools import cache
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -17,8 +17,8 @@ from service.backlash.model_fit_impurities import BOWS, MESH, MeshError
 from service.recording import FloatArray
 
 LENGTHS = (3e-3, 4.5e-3, 7e-3, 11e-3, 20e-3, 0.1)
-"""Edges [m] of the bands of the waves' length: the pitch π·m of racks of module m = 1 to 6, each band 1.5 times as long
-as the one before, and what is longer, as the runout of a pinion."""
+"""Edges [m] of the bands of the waves' length: the pitch π·m of racks of module m = 1 to 6, and what is longer, as the
+runout of a pinion."""
 
 OF_A_BAND = 20
 """Waves that stand for a band, evenly in the logarithm of their length."""
@@ -37,7 +37,7 @@ def of_waves(length: float) -> tuple[FloatArray, ...]:
     return (np.eye(BOWS), *(band(length, *edges) for edges in pairwise(LENGTHS)))
 
 
-@cache
+@lru_cache(maxsize=64)
 def band(length: float, shortest: float, longest: float) -> FloatArray:
     """The covariance (BOWS, BOWS) of waves of some lengths [m], evenly in the logarithm."""
     place, weight = leggauss(NODES)

@@ -59,12 +59,6 @@ SETTLES = 0.8
 SETTLED = 8
 """Cycles of settling over all steps, each of which has to gain."""
 
-POOR = 3.0
-"""Misfit from which on a wrong minimum is suspected."""
-
-NEARER = 0.75
-"""Share of the cost on a few steps below which another search's start is worth a fit of all steps."""
-
 GOOD = 1.15
 """Misfit at which no further start and no other sharing is tried: only noise is left."""
 

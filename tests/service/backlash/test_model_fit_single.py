@@ -38,6 +38,7 @@ def outcome(misfit: float) -> Outcome:
         ([8.5, 2.5], [6.6, 3.5], [1, 2], [8.5, 2.5]),
         ([8.5, 2.5], [6.6, 7.5], [1, 2], [8.5, 2.5]),
         ([6.0, 5.5], [8.0], [1, 2], [6.0]),
+        ([1.4, 1.04], [1.3, 1.01], [1, 2], [1.4, 1.04]),
     ],
 )
 def test_a_search_that_came_nowhere_near_is_done_once_more(
@@ -66,6 +67,7 @@ def test_a_search_that_came_nowhere_near_is_done_once_more(
     monkeypatch.setattr(single, "passes", lambda *_: [])
     monkeypatch.setattr(single, "refined", fitted)
     monkeypatch.setattr(single, "followed", lambda measured, found: found)
+    monkeypatch.setattr(single, "expected_misfit", lambda measured, found: 1.1)
     measured = SimpleNamespace(axes=("X1",))
     found = single.single_fit(measured, {}, Effort())  # type: ignore[arg-type]
     assert drawn == seeds

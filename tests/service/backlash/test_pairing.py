@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from service.backlash import pairing
 from service.backlash.pairing import clear, explained_exchanged, paired, swapped
 from service.backlash.paper import paper
 from service.backlash.results import Reason
@@ -67,3 +68,39 @@ def test_a_doubt_is_left_by_steps_that_disagree_or_are_few() -> None:
 def test_without_the_partner_nothing_can_be_said(gantry: Recording) -> None:
     alone = replace(gantry, traces={key: t for key, t in gantry.traces.items() if key[0] == "X1"})
     assert paired(alone, "X1") is None
+
+
+@pytest.mark.parametrize(
+    ("balanced", "simulated", "exchanged", "asked"),
+    [
+        ((900.0, 300.0), (), True, 0),
+        ((300.0, 900.0), (), False, 0),
+        (
+            (970.0, 1100.0),
+            (1090.0, 990.0),
+            True,
+            2,
+        ),  # nearly alike along the measured motion: that decides nothing
+        ((1100.0, 970.0), (990.0, 1090.0), False, 2),
+    ],
+)
+def test_where_both_ways_lie_close_the_gantry_is_simulated_both_ways(
+    monkeypatch: pytest.MonkeyPatch,
+    balanced: tuple[float, float],
+    simulated: tuple[float, ...],
+    exchanged: bool,
+    asked: int,
+) -> None:
+    costs, closer, closely = iter(balanced), iter(simulated), list[tuple[str, ...]]()
+
+    def simulate(recording: Recording, axes: tuple[str, ...]) -> float:
+        closely.append(axes)
+        return next(closer)
+
+    monkeypatch.setattr(pairing, "explained", lambda recording, axes: next(costs))
+    monkeypatch.setattr(pairing, "explained_closely", simulate)
+    trace, axes = Trace(np.zeros(1), np.zeros(1)), ("X1", "X2")
+    described = tuple(AxisDescription(axis, 0.005) for axis in axes)
+    made = Recording("stood in", described, {(axis, "acceleration"): trace for axis in axes})
+    assert explained_exchanged(made, *axes) is exchanged
+    assert len(closely) == asked
