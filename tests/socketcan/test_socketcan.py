@@ -18,6 +18,10 @@ ROOT = HERE.parents[1]
 INSIDE = sorted(path.stem for path in HERE.glob("guest_*.py"))
 PATIENCE = 120.0
 
+UNFIT = "ptrace set fp regs failed"
+"""What user-mode-linux 6.1 says where the processor's extended registers are larger than the room that it has for them,
+as AMX makes them: its first process dies. Without them (FXSAVE alone) the guest boots, and its programs go astray."""
+
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[ET.Element], str]:
@@ -28,6 +32,10 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[ET.Element], s
     files = [f"tests/socketcan/{name}.py" for name in INSIDE]
     options = ["-q", "-p", "no:cacheprovider", "--basetemp=/run/pytest", "--junitxml=/mnt/found.xml"]
     guest = run_in_guest([sys.executable, "-m", "pytest", *options, *files], ROOT, share, PATIENCE)
+    if guest.code is None and UNFIT in guest.output:
+        pytest.skip(
+            "the guest kernel cannot keep this processor's extended registers (AMX); run on another machine"
+        )
     assert guest.code is not None, f"the guest did not finish:\n{guest.output}"
     return list(ET.parse(share / "found.xml").iter("testcase")), guest.output
 
