@@ -95,16 +95,19 @@ def _range(trace: Trace, channel: str) -> Refusal | None:
             f"{channel} reads {low:g} throughout; the sensor is blocked or its frames are filled with a constant, "
             "or the drive did not move: check supply and wiring, and the drive's enable.",
         )
-    if (
-        channel == "acceleration"
-        and max(longest(trace.value == low), longest(trace.value == high)) >= CLIPPED
-    ):
+    if channel == "acceleration" and clipped(trace):
         return Refusal(
             Reason.SENSOR_CLIPPED,
             f"{channel} stays at the end of its range ({low:.1f} to {high:.1f} m/s²); the impact exceeds the "
             "sensor's range: choose a larger range, or step with a smaller jerk.",
         )
     return None
+
+
+def clipped(trace: Trace) -> bool:
+    """Whether a sensor's samples stay at an end of its range."""
+    ends = (np.min(trace.value), np.max(trace.value))
+    return max(longest(trace.value == end) for end in ends) >= CLIPPED
 
 
 def moved(recording: Recording, axis: str, steps: Sequence[StepSignals]) -> Refusal | None:

@@ -44,6 +44,9 @@ def explain_axes(
         scene = replace(scene, train=())
         before = ended(scene, trial_of(scene, found))
         tell(f"declared model: RMS {before.train_rms:.3f}, held out {before.validation_rms:.3f} of the noise")
+        if scene.clipped:  # what is cut off looks like many an effect: nothing is named that was fitted to it
+            tell(f"the accelerometer of {' and '.join(scene.clipped)} was over its range")
+            return verdict(scene, Selection(before, before, (), (), ()))
         selection = None
         if scene.zero_wanders:
             tell("the accelerometer's zero wanders while the axis rests")
@@ -73,4 +76,5 @@ def searched(
         limits=replace(LIMITS, enough=0.0) if first else LIMITS,
         size=lambda trial: len(trial.model.fitted.model.parameters),
         contains=lambda name: DRIVEN[name].contains,
+        nearly=lambda name: DRIVEN[name].nearly,
     )

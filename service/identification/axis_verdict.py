@@ -92,6 +92,8 @@ valley every few micrometres of the split, and the deepest is not always found."
 def verdict(scene: Scene, selection: Selection[Explained]) -> tuple[AxisExplanation, ...]:
     """One verdict per axis of the scene."""
     finding, effects = finding_of(selection, seen_at_rest=SEEN_AT_REST if scene.zero_wanders else ())
+    if scene.clipped:
+        finding, effects = "unknown", ()
     before = selection.before.model
     after = selection.after.model if finding == "effect" else before
     return tuple(
@@ -112,7 +114,7 @@ def verdict(scene: Scene, selection: Selection[Explained]) -> tuple[AxisExplanat
                 for c in selection.candidates
             ),
             parameters=_parameters(after.fitted, a),
-            evidence=_evidence(before.held, selection, finding, a),
+            evidence=(*_over_range(scene, name), *_evidence(before.held, selection, finding, a)),
             predictions=(_prediction("before", before.held, a), _prediction("after", after.held, a)),
         )
         for a, name in enumerate(scene.validate.axes)
@@ -131,13 +133,13 @@ def finding_of(
     alone = len(effects) == 1 and explained(before, after)
     if not _matters(selection):
         seen = max(before.train_rms, before.validation_rms) > SMALL
-        uncommon = not _common(selection) and left(before) > LEFT_BY_CLEAN
+        uncommon = not _common(selection) and left(before) > SEARCHED
         clearly = after.validation_rms <= LEFT_BY_CLEAN and explained(before, after, CLEARLY)
         clear = effects == seen_at_rest or (uncommon and len(effects) == 1 and clearly)
         if _little(before) and not (alone and seen) and not clear:
             return nothing, ()
         everything = before.validation_rms > CHANGED and shown(after) <= LEFT_BY_CLEAN
-        if _common(selection, everything):
+        if _common(selection, everything) and (alone or left(after) <= LEFT):
             return "none", ()
     error = left if len(effects) == 1 else shown
     near = error(after) <= (LEFT_BY_ONE if alone else LEFT) and after.validation_rms <= CHANGED
@@ -321,6 +323,16 @@ def _prediction(which: str, held: Held, axis: int) -> Prediction:
     )
 
 
+def _over_range(scene: Scene, axis: str) -> tuple[str, ...]:
+    """What says that an accelerometer was over its range, if this one was."""
+    if axis not in scene.clipped:
+        return ()
+    return (
+        "the accelerometer stays at an end of its range: the steps are harder than it can measure, and nothing was "
+        "searched for. Choose a larger range, or step with a smaller jerk, and record again",
+    )
+
+
 def _shares(moves: Moves) -> FloatArray:
     """(T, K) how far each sample's move has gone."""
     out = []
@@ -390,5 +402,8 @@ def separating_move(selection: Selection[Explained], moves: Moves) -> Separating
     if pair <= {"constant_force", "asymmetric_friction"}:
         why = text + "a slow reversal keeps a force and turns friction over"
         return SeparatingMove(move.length, move.jerk / 4, -1, "as before", why)
+    if pair <= {"sensor_latency", "speed_filter"}:
+        why = text + "a sharper step is delayed by both, and flattened by a filter only"
+        return SeparatingMove(move.length, 2 * move.jerk, 1, "as before", why)
     why = text + "a slower, longer move changes speed against acceleration"
     return SeparatingMove(2 * move.length, move.jerk / 4, 1, "as before", why)

@@ -65,8 +65,12 @@ def _repeats(a: Trace, b: Trace) -> bool:
     count = min(len(a), len(b))
     if count < 100:
         return False
-    same = (a.value[:count] == b.value[:count]) & (np.abs(a.value[:count]) > 0.2 * np.ptp(a.value))
-    moving = np.abs(a.value[:count]) > 0.2 * np.ptp(a.value)
+    a_values, b_values = a.value[:count], b.value[:count]
+    moving = np.abs(a_values) > 0.2 * np.ptp(a.value)
+    moving &= (
+        np.diff(a_values, prepend=np.nan) != 0.0
+    )  # a sensor that stays at the end of its range repeats that
+    same = (a_values == b_values) & moving
     return bool(moving.sum() > 50 and same.sum() > 0.5 * moving.sum())
 
 

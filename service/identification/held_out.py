@@ -36,6 +36,8 @@ NEAR = 4.0
 """RMS below which a fit may be the right one; only then its numbers tell of the machine."""
 OVERDAMPED = 4.5
 """Standard deviations of their priors above which no damping ratio of a chain is."""
+SURELY = 3.0
+"""Standard deviations from which on an amount differs from zero (chosen: of all shapes the best was looked for)."""
 PARTS = 5
 """Blocks into which a held-out move is cut for the test of a gain."""
 
@@ -165,16 +167,27 @@ def trial_of(scene: Scene, found: Fitted, thorough: bool = True) -> Trial[Explai
 
 
 def at_limits(found: Fitted) -> tuple[str, ...]:
-    """Numbers, by name, that stand where no such effect is: the last effect's own at a limit, or a swing that the move
-    before cannot have left, so that something else than the axis keeps it going, or a chain damped as no machine's is.
-    The latter two only of a fit that may be the right one."""
+    """Numbers, by name, that stand where no such effect is: the last effect's own at a limit, or all its amounts at
+    zero, or a swing that the move before cannot have left, so that something else than the axis keeps it going, or a
+    chain damped as no machine's is. All but the first only of a fit that may be the right one."""
     last = found.model.effects[-1]
     limits = [p.name for p in last.parameters if p.at_limit(found.value(p.name))]
     if found.rms > NEAR:
         return tuple(limits)
+    limits += amounts_of_nothing(found)
     if last.states and how_known(found.moves) > KNOWN[-1]:
         limits += [p.name for p in last.nuisance]
     return (*limits, *overdamped(found))
+
+
+def amounts_of_nothing(found: Fitted) -> tuple[str, ...]:
+    """The amounts of the last effect, by name, where none of them differs from zero: what explains the moves then is
+    its coordinates of every move, which something else has that is heard in them."""
+    names = [p.name for p in found.model.parameters]
+    amounts = [p for p in found.model.effects[-1].parameters if p.dose]
+    spread = np.sqrt(np.diag(told_by_train(found))) * max(1.0, found.rms)
+    there = [abs(found.value(p.name)) > SURELY * p.spread * spread[names.index(p.name)] for p in amounts]
+    return () if any(there) else tuple(p.name for p in amounts)
 
 
 def overdamped(found: Fitted) -> tuple[str, ...]:

@@ -42,7 +42,7 @@ from service.identification.moves_starts import (
     widened,
 )
 from service.identification.scene import Scene
-from service.identification.selection import Trial
+from service.identification.selection import UNKNOWN_NUMBERS, Trial
 from service.recording import FloatArray
 
 FIRST_ROUNDS, ROUNDS = 6, 12
@@ -83,13 +83,14 @@ SECOND = 0.9
 """How much nearer to the moves a place must be for a fit to begin there once more."""
 
 
-def as_contained(inner: Fitted, outer: Fitted) -> Fitted:
-    """The fit of an effect, begun once more where one ended that contains it and that came nearer."""
-    if outer.rms > inner.rms:
-        return inner
-    values = values_at(outer) | dict(inner.model.effects[-1].instead(values_at(outer)))
-    at = begun_at(inner.moves, inner.model, values, inner.at.local)
-    return min(inner, fit(inner.moves, inner.model, at, ROUNDS), key=lambda f: f.rms)
+def as_other(found: Fitted, other: Fitted) -> Fitted:
+    """The fit of an effect, begun once more where one ended that contains it, or does much the same, and that came
+    nearer."""
+    if other.rms > found.rms:
+        return found
+    values = values_at(other) | dict(found.model.effects[-1].instead(values_at(other)))
+    at = begun_at(found.moves, found.model, values, found.at.local)
+    return min(found, fit(found.moves, found.model, at, ROUNDS), key=lambda f: f.rms)
 
 
 def glanced_at(found: Fitted, brief: Brief) -> Fitted:
@@ -233,18 +234,33 @@ def propose(
     ground = ground_of(base, best) if behind else base
     for candidate in behind:
         found[candidate.name] = seconded(ground, found[candidate.name], candidate)
-    for name in leading(found, PROMISING):
+    told_apart = (
+        base.rms > ENDED
+    )  # else what is missing shows in other moves only, and hardly in how near a fit comes
+    for name in leading(found, PROMISING) if told_apart else list(found):
         found[name] = fit(found[name].moves, found[name].model, found[name].at, ROUNDS)
     for candidate in tried:
         for inner in set(candidate.effect.contains) & set(found):
-            found[inner] = as_contained(found[inner], found[candidate.name])
+            found[inner] = as_other(found[inner], found[candidate.name])
+    nearest = min(found.values(), key=lambda f: f.rms)
+    for candidate in tried:
+        if candidate.effect.instead(values_at(nearest)) and found[candidate.name] is not nearest:
+            found[candidate.name] = as_other(found[candidate.name], nearest)
     finished: list[str] = []
     for name in sorted(leading(found, FINALISTS), key=lambda name: swings_at_all(found[name].model)):
         nearest = min((found[other].rms for other in finished), default=np.inf)
         if nearest > ENDED or found[name].rms < BEHIND * nearest:
             found[name] = settled(found[name], ROUNDS)
             finished.append(name)
-    return {name: trial_of(scene, f, thorough=name in finished) for name, f in found.items()}
+    trials = {name: trial_of(scene, f, thorough=name in finished) for name, f in found.items()}
+    return trials | {name: to_the_end(scene, trials[name]) for name in finished}
+
+
+def to_the_end(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
+    """The trial with its fit ended where it describes the moves that it was fitted to, but not the others: the noise of
+    the speed, taken for the motor's motion, may have driven its numbers away."""
+    astray = trial.validation_rms > UNKNOWN_NUMBERS * max(1.0, trial.train_rms)
+    return ended(scene, trial) if trial.train_rms < SOUND and astray else trial
 
 
 def leading(found: Mapping[str, Fitted], count: int) -> list[str]:

@@ -42,8 +42,8 @@ APART = 0.5
 """Difference in any of an effect's numbers, in standard deviations of its prior, that makes it another."""
 FEW, BRIEF = 4, 5
 """Moves and rounds with which starts are compared."""
-GLIMPSE = 2
-"""Rounds after which a candidate is given up that is far off."""
+GLIMPSE, FROM_AFAR = 2, 10
+"""Rounds after which a candidate is given up that is far off, and from a start that is far off itself."""
 HALVED = 3
 """How often the better half of the fits of what swings is continued."""
 ENDED = 1.05
@@ -171,6 +171,13 @@ def less_likely(scene: Scene, found: Fitted, candidate: Candidate) -> list[Value
     ]
 
 
+def on_typical_machine(candidate: Candidate, shape: Values) -> Values:
+    """The effect in a shape on a typical machine, as strong as it may well be where its amounts have one sign: what an
+    effect has done to the numbers of the present model, or of any place without it, may lead nowhere."""
+    strong = {p.name: p.spread for p in candidate.effect.parameters if p.dose and p.low >= 0.0}
+    return {p.name: shape[p.name] for p in candidate.effect.parameters} | strong
+
+
 def on_machine(place: Values, found: Fitted, candidate: Candidate, shape: Values) -> Values:
     """The effect in a shape, or as what the place has instead of it, on the machine as it is at a place."""
     own, kept = own_and_kept(candidate)
@@ -264,7 +271,11 @@ def glimpsed(scene: Scene, found: Fitted, candidate: Candidate) -> list[Fitted]:
     few = fewer(found)
     values = likely(scene, found, candidate)
     starts = [added(found, candidate, values[0]), *(point_at(candidate.model, one, few) for one in values)]
-    return [fit(few, candidate.model, at, GLIMPSE) for at in starts]
+    glimpses = [fit(few, candidate.model, at, GLIMPSE) for at in starts]
+    if candidate.effect.many_valleys:
+        return glimpses
+    typical = point_at(candidate.model, on_typical_machine(candidate, values[0]), few)
+    return [*glimpses, fit(few, candidate.model, typical, FROM_AFAR)]
 
 
 def looked_at(glimpses: Sequence[Fitted]) -> list[Fitted]:
@@ -301,6 +312,8 @@ def second_look(
 def best_looks(looks: Sequence[Fitted], found: Fitted, candidate: Candidate) -> list[Brief]:
     """The candidate's best fit of a few moves, and the best of those that ended with another shape of the effect."""
     brief = list(looks)
+    latest = min(brief, key=lambda f: f.rms)
+    brief.append(fit(latest.moves, latest.model, latest.at, BRIEF))
     for _ in range(HALVED if candidate.effect.states or candidate.effect.many_valleys else 0):
         brief = better_half_on(brief)
     best = min(brief, key=lambda f: f.rms)

@@ -23,6 +23,7 @@ from service.backlash.moves_fit import (
     reconstructed,
     values_at,
 )
+from service.backlash.plausibility import clipped
 from service.dynamics.driven_effect import Case
 from service.dynamics.driven_model import LINKS, DrivenEffect, Model
 from service.dynamics.driven_parameters import Parameter
@@ -100,6 +101,7 @@ class Scene:
     coupled : values that the estimator found for two axes that are not declared to be a gantry as if they were one
     heard : frequency of what swings on between the moves [Hz]; none where only noise is heard
     zero_wanders : whether an accelerometer's zero goes its way while the axis rests
+    clipped : axes whose accelerometer stays at an end of its range in one of the recordings
     """
 
     train: tuple[Moves, ...]
@@ -111,6 +113,7 @@ class Scene:
     heard: float | None = None
     plain: Values = field(default_factory=dict)
     zero_wanders: bool = False
+    clipped: tuple[str, ...] = ()
 
     @property
     def places(self) -> tuple[Values, ...]:
@@ -226,7 +229,11 @@ def scene_of(
     heard = heard_at_rest(train[0], axes)
     plain = in_closed_form(train[0], axes, lumps)
     wanders = any(zero_wanders(recording, axes) for recording in train)
-    return Scene(tuple(before), last, declared, places, values_at(smooth), coupled, heard, plain, wanders)
+    cut_off = tuple(a for a in axes if any(clipped(r.traces[a, "acceleration"]) for r in (*train, validate)))
+    smooth_values = values_at(smooth)
+    return Scene(
+        tuple(before), last, declared, places, smooth_values, coupled, heard, plain, wanders, cut_off
+    )
 
 
 def to_one_zero(recordings: Sequence[Moves], model: Model, place: Values) -> list[Moves]:

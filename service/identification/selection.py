@@ -192,6 +192,7 @@ def select(
     limits: Limits = ORDINARY,
     size: Callable[[Trial[ModelT]], int] = lambda _trial: 0,
     contains: Callable[[str], Sequence[str]] = lambda _name: (),
+    nearly: Callable[[str], Sequence[str]] = lambda _name: (),
 ) -> Selection[ModelT]:
     """Add effects one after the other until none is significant and material. It also ends where the truth is only
     ``imitated``.
@@ -202,7 +203,8 @@ def select(
     led the fit out of a poor valley. ``size`` is a model's number of parameters: of effects that come equally near the
     one with the fewest is taken. ``contains`` names the effects that one becomes when some of its numbers are zero: it
     is passed over for them unless it removes as much more as a further effect must, and it is no rival of theirs;
-    taken after them, it is named in their place.
+    taken after them, it is named in their place. ``nearly`` names the effects whose law is the same but for what little
+    of a recording tells: they are rivals as long as one comes nearly as near.
     """
     present: Trial[ModelT] = before
     taken: tuple[str, ...] = ()
@@ -230,7 +232,11 @@ def select(
         near = [name for name in passed if distance(trials[name]) <= (1.0 + NEAR) * distance(nearest)]
         best = min(near, key=lambda name: (size(trials[name]), distance(trials[name])))
         log += [_only(best, candidate) for candidate in judged.values()]
-        rivals += [(best, name) for name in passed if name != best and _alike(trials[best], trials[name])]
+        rivals += [
+            (best, name)
+            for name in passed
+            if name != best and _alike(trials[best], trials[name], NEAR if name in nearly(best) else MATERIAL)
+        ]
         refined = refine(trials[best])
         worse = distance(refined) > (1.0 + NEAR) * distance(trials[best])
         present, taken = trials[best] if worse else refined, (*taken, best)
@@ -287,7 +293,7 @@ def _judge(name: str, before: Trial[ModelT], after: Trial[ModelT], tried: int, s
     return Candidate(name, after.held_rms, p_value, accepted, why)
 
 
-def _alike(best: Trial[ModelT], other: Trial[ModelT]) -> bool:
+def _alike(best: Trial[ModelT], other: Trial[ModelT], share: float) -> bool:
     """Two explanations are alike when the held-out errors differ by less than is material: what differs then beyond
     chance is as likely how a law differs from the machine's."""
-    return other.held_rms < (1.0 + MATERIAL) * best.held_rms
+    return other.held_rms < (1.0 + share) * best.held_rms

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -11,6 +11,19 @@ import numpy as np
 from service.dynamics.driven_effect import Case, DrivenEffect
 from service.dynamics.driven_parameters import Parameter, Values
 from service.recording import FloatArray
+
+
+LATE = {"latency": 1.0, "filter_time": -1.0}
+"""What makes the accelerometer late against the drive's speed, by number; of slow motion a filter is a delay."""
+
+
+def lateness(values: Mapping[str, float], axes: Sequence[str]) -> dict[str, float]:
+    """That time [s] by axis, of all effects in `values`; none of an axis without them."""
+    return {
+        axis: sum(share * values.get(f"{axis}.{name}", 0.0) for name, share in LATE.items())
+        for axis in axes
+        if any(f"{axis}.{name}" in values for name in LATE)
+    }
 
 
 @dataclass(frozen=True)
@@ -22,6 +35,10 @@ class DrivenLatency(DrivenEffect):
     own: ClassVar[tuple[Parameter, ...]] = (
         Parameter("latency", "s", 0.0, 1e-3, logarithmic=False, low=-8e-3, high=8e-3, dose=1e-4),
     )
+    nearly: ClassVar[tuple[str, ...]] = ("speed_filter",)
+
+    def instead(self, values: Mapping[str, float]) -> Mapping[str, float]:
+        return {f"{axis}.latency": late for axis, late in lateness(values, self.axes).items()}
 
     def restate(self, values: Values) -> Values:
         return {**values, **{f"{a}.skew": -values[f"{a}.latency"] for a in self.axes}}
@@ -78,6 +95,10 @@ class DrivenSpeedFilter(DrivenEffect):
     own: ClassVar[tuple[Parameter, ...]] = (
         Parameter("filter_time", "s", 0.0, 1e-3, logarithmic=False, low=0.0, high=1e-2, dose=1e-4),
     )
+    nearly: ClassVar[tuple[str, ...]] = ("sensor_latency",)
+
+    def instead(self, values: Mapping[str, float]) -> Mapping[str, float]:
+        return {f"{axis}.filter_time": max(0.0, -late) for axis, late in lateness(values, self.axes).items()}
 
     def drive(self, c: FloatArray, case: Case) -> FloatArray:
         out = c.copy()

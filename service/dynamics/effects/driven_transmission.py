@@ -252,7 +252,8 @@ class DrivenRipple(DrivenEffect):
             curved = (
                 size * kappa * (np.cos(angle) * points[..., 2] - kappa * np.sin(angle) * points[..., 1] ** 2)
             )
-            position = size * (np.sin(angle) - np.sin(phase))
+            error = size * np.sin(angle)
+            position = error - error[..., :1]  # where the load rests is said from where its flanks are then
             out[:, :, :, x] += between(position, speed, curved, case.h)
         return out
 

@@ -180,9 +180,9 @@ def test_an_effect_is_begun_again_where_one_ended_that_contains_it(monkeypatch: 
     monkeypatch.setattr(moves_search, "fit", lambda *_: stub(1.1))
     inner = stub(1.6)
     inner.model = SimpleNamespace(effects=(DRIVEN["constant_force"](("X1",)),))
-    assert moves_search.as_contained(inner, stub(1.8)).rms == 1.6
+    assert moves_search.as_other(inner, stub(1.8)).rms == 1.6
     assert not begun, "what contains it is no nearer"
-    assert moves_search.as_contained(inner, stub(1.2)).rms == 1.1
+    assert moves_search.as_other(inner, stub(1.2)).rms == 1.1
     assert begun[0]["X1.constant_force"] == 0.2
     assert begun[0]["X1.coulomb"] == 0.3
 
