@@ -234,18 +234,7 @@ def propose(
     ground = ground_of(base, best) if behind else base
     for candidate in behind:
         found[candidate.name] = seconded(ground, found[candidate.name], candidate)
-    told_apart = (
-        base.rms > ENDED
-    )  # else what is missing shows in other moves only, and hardly in how near a fit comes
-    for name in leading(found, PROMISING) if told_apart else list(found):
-        found[name] = fit(found[name].moves, found[name].model, found[name].at, ROUNDS)
-    for candidate in tried:
-        for inner in set(candidate.effect.contains) & set(found):
-            found[inner] = as_other(found[inner], found[candidate.name])
-    nearest = min(found.values(), key=lambda f: f.rms)
-    for candidate in tried:
-        if candidate.effect.instead(values_at(nearest)) and found[candidate.name] is not nearest:
-            found[candidate.name] = as_other(found[candidate.name], nearest)
+    fitted_on(base, found, tried)
     finished: list[str] = []
     for name in sorted(leading(found, FINALISTS), key=lambda name: swings_at_all(found[name].model)):
         nearest = min((found[other].rms for other in finished), default=np.inf)
@@ -254,6 +243,21 @@ def propose(
             finished.append(name)
     trials = {name: trial_of(scene, f, thorough=name in finished) for name, f in found.items()}
     return trials | {name: to_the_end(scene, trials[name]) for name in finished}
+
+
+def fitted_on(base: Fitted, found: dict[str, Fitted], tried: Sequence[Candidate]) -> None:
+    """The best of the fits continued, then what they contain and what does much the same as the best, begun there.
+    Where the present fit describes the moves already, what is missing shows in others, and hardly in how near a fit
+    comes: all are continued."""
+    for name in leading(found, PROMISING) if base.rms > ENDED else list(found):
+        found[name] = fit(found[name].moves, found[name].model, found[name].at, ROUNDS)
+    for candidate in tried:
+        for inner in set(candidate.effect.contains) & set(found):
+            found[inner] = as_other(found[inner], found[candidate.name])
+    best = min(found.values(), key=lambda f: f.rms)
+    for candidate in tried:
+        if candidate.effect.instead(values_at(best)) and found[candidate.name] is not best:
+            found[candidate.name] = as_other(found[candidate.name], best)
 
 
 def to_the_end(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:

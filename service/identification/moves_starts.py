@@ -58,6 +58,8 @@ fitted to all moves."""
 TOO_MUCH = 4.0
 """RMS of the present model from which on an effect whose fits have many valleys is not searched for: more is missing
 than a split gap."""
+GUIDE = ("coulomb", "viscous")
+"""A guide's friction, which a missing gap hardly drives away."""
 PUT_BACK = ("turnover_speed", "turnover_spread", "coulomb", "viscous", "damping_ratio", "smear")
 """Parameters that a wrong model drives into a corner from which a fit comes back slowly."""
 
@@ -207,15 +209,17 @@ def as_heard(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:
 
 
 def everywhere(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:
-    """All shapes at every place, with the chain between motor and flanks put back: what was not in the model has gone
-    into its masses and springs. None where more is missing than the effect can do."""
+    """All shapes at the present fit and at the estimator's, with the chain between motor and flanks put back, since
+    what was not in the model has gone into its masses and springs; and on a typical machine with the present friction.
+    None where more is missing than the effect can do."""
     present, effect = values_at(found), candidate.effect
     if found.rms > TOO_MUCH:
         return []
     kept = {
         p.name for p in candidate.model.parameters if p.name.rpartition(".")[2] not in chain(candidate.model)
     }
-    places = [{k: v for k, v in place.items() if k in kept} for place in (present, scene.rich, scene.smooth)]
+    places = [{k: v for k, v in place.items() if k in kept} for place in (present, scene.rich)]
+    places.append({k: v for k, v in present.items() if k.endswith(("backlash", *GUIDE))})
     return [dict(effect.traded(place | dict(start))) for place in places for start in effect.starts]
 
 

@@ -123,7 +123,7 @@ def run(campaign: Campaign) -> list[Record]:
 
 
 def _key(record: Record) -> tuple[str, str, str]:
-    return record["row"], record["capture"], record["method"]
+    return record["row"], record["path"], record["method"]
 
 
 def _measured(left: Sequence[Task], jobs: int) -> Iterator[list[Record]]:

@@ -59,7 +59,12 @@ def answer(pair: Pair) -> Record:
     recordings = [
         read_capture(path.with_name(f"{pair.name}-{part}.parquet")) for part in ("train", "validate")
     ]
-    row: Record = {"name": pair.name, "source": pair.source, "planted": truth.get("effect") or "none"}
+    row: Record = {
+        "truth": pair.truth,
+        "name": pair.name,
+        "source": pair.source,
+        "planted": truth.get("effect") or "none",
+    }
     forget_peak()
     start = time.process_time()
     try:
@@ -169,11 +174,11 @@ def run(files: Sequence[Path], results: Path, jobs: int) -> Iterator[Record]:
     source = fingerprint(*NUMERICS)
     pairs = [Pair(str(path), source) for path in files]
     lines = results.read_text(encoding="utf-8").splitlines() if results.exists() else []
-    known = {row["name"]: row for row in map(json.loads, lines) if row["source"] == source}
-    yield from (known[pair.name] for pair in pairs if pair.name in known)
+    known = {row["truth"]: row for row in map(json.loads, lines) if row["source"] == source}
+    yield from (known[pair.truth] for pair in pairs if pair.truth in known)
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ.setdefault(variable, "1")  # "one core" is what the goals of time say
-    left = [pair for pair in pairs if pair.name not in known]
+    left = [pair for pair in pairs if pair.truth not in known]
     if not left:
         return
     with multiprocessing.get_context("spawn").Pool(jobs) as pool, results.open("a", encoding="utf-8") as file:

@@ -58,8 +58,8 @@ class Task:
 
     @property
     def key(self) -> tuple[str, str, str]:
-        """What a record of it is found by."""
-        return self.row, Path(self.path).name, self.method
+        """What a record of it is found by; the folder of a capture is that of its seed."""
+        return self.row, self.path, self.method
 
 
 def fingerprint(*folders: str) -> str:
@@ -87,7 +87,8 @@ def measured(task: Task) -> list[Record]:
     results = method(recording)
     spent = time.process_time() - start
     peak = peak_mb()
-    shared = {"row": task.row, "capture": path.name, "method": task.method, "source": task.source}
+    shared = {"row": task.row, "path": task.path, "capture": path.name}
+    shared |= {"method": task.method, "source": task.source}
     shared |= {"axes": len(recording.axes), "cpu_s": round(spent, 4), "peak_mb": round(peak, 1)}
     ways = crossed_both_ways(truth, len(recording.moves))
     return [

@@ -16,7 +16,8 @@ from tests.benchmarks.tabulate import limits, line, print_tables, service
 def record(method: str, true: float, found: float | None, half: float = 1e-6, row: str = "single") -> Record:
     """A record of one axis [m]."""
     return {
-        "row": row, "capture": f"{true}.parquet", "axis": "X1", "method": method, "axes": 1, "true_m": true,
+        "row": row, "path": f"{true}.parquet", "capture": f"{true}.parquet",
+        "axis": "X1", "method": method, "axes": 1, "true_m": true,
         "verdict": "refused" if found is None else "ok", "answered_by": method, "reason": None, "detail": None,
         "backlash_m": found, "interval_95_m": None if found is None else [found - half, found + half],
         "cpu_s": 0.1, "peak_mb": 100.0, "source": "s", "both_ways": True,

@@ -55,13 +55,14 @@ def test_the_rates_are_of_the_three_kinds_of_machines(capsys: pytest.CaptureFixt
     assert "1 axes: CPU time median 9 s" in printed
 
 
-def test_a_campaign_goes_on_with_the_same_numerics_only(tmp_path: Path) -> None:
+def test_a_campaign_goes_on_with_the_same_numerics_and_captures_only(tmp_path: Path) -> None:
     results, now = tmp_path / "results.jsonl", fingerprint(*explain_table.NUMERICS)
-    known = row("none", "none", name="none-000") | {"source": now}
-    results.write_text(
-        json.dumps(known) + "\n" + json.dumps(known | {"source": "older", "first": "x"}) + "\n"
-    )
-    assert list(explain_table.run([tmp_path / "none-000-truth.json"], results, 1)) == [known]
+    asked = tmp_path / "seed-2" / "none-000-truth.json"
+    known = row("none", "none", name="none-000") | {"truth": str(asked), "source": now}
+    older = known | {"source": "older", "first": "x"}
+    elsewhere = known | {"truth": str(tmp_path / "seed-1" / asked.name), "first": "x"}
+    results.write_text("".join(json.dumps(one) + "\n" for one in (known, older, elsewhere)))
+    assert list(explain_table.run([asked], results, 1)) == [known]
 
 
 def test_one_machine_of_every_kind_comes_after_the_other(tmp_path: Path) -> None:

@@ -12,7 +12,6 @@ from service.dynamics.driven_effect import Case, DrivenEffect
 from service.dynamics.driven_parameters import Parameter, Values
 from service.recording import FloatArray
 
-
 LATE = {"latency": 1.0, "filter_time": -1.0}
 """What makes the accelerometer late against the drive's speed, by number; of slow motion a filter is a delay."""
 

@@ -107,6 +107,17 @@ def test_what_every_rack_has_is_a_finding_only_where_it_matters_or_is_everything
     assert axis_verdict.finding_of(selection)[0] == found
 
 
+@pytest.mark.parametrize(("left", "found"), [(1.5, "none"), (3.0, "unknown")])
+def test_what_every_rack_has_is_no_explanation_of_what_it_leaves(
+    monkeypatch: pytest.MonkeyPatch, left: float, found: str
+) -> None:
+    """A mesh error that takes a third from a residual of three and more is not all that acts."""
+    monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: (50e-6, 1e-7))
+    monkeypatch.setattr(axis_verdict, "_deviations", numbers)
+    selection = Selection(trial(4.4, 4.0), trial(left, left), ("transmission_ripple",), (), ())
+    assert axis_verdict.finding_of(selection)[0] == found
+
+
 @pytest.mark.parametrize(
     ("period", "held_out", "found"),
     [(6.3e-3, 8.0, "none"), (2.9e-3, 8.0, "none"), (1.4e-3, 8.0, "effect"), (1.4e-3, 3.0, "none")],

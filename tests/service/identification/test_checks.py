@@ -84,6 +84,27 @@ def test_moves_of_train_in_validate(pair: tuple[Recording, Recording]) -> None:
         explain([train], almost)
 
 
+def test_a_sensor_that_stays_at_the_end_of_its_range_repeats_nothing_else(
+    pair: tuple[Recording, Recording],
+) -> None:
+    cut = []
+    for recording in pair:
+        whole = recording.traces["X1", "acceleration"]
+        cut.append(with_trace(recording, "acceleration", Trace(whole.time, np.clip(whole.value, -1.5, 1.5))))
+    check_recordings(cut[:1], cut[1])
+
+
+def test_of_a_sensor_that_was_over_its_range_nothing_is_named(pair: tuple[Recording, Recording]) -> None:
+    """What is cut off looks like many an effect."""
+    train, validate = pair
+    whole = validate.traces["X1", "acceleration"]
+    clipped = with_trace(validate, "acceleration", Trace(whole.time, np.clip(whole.value, -1.5, 1.5)))
+    (axis,) = explain([train], clipped).axes
+    assert axis.finding == "unknown"
+    assert axis.effects == ()
+    assert "end of its range" in axis.evidence[0]
+
+
 def test_another_machine(pair: tuple[Recording, Recording]) -> None:
     train, validate = pair
     other = replace(validate, axes=(replace(validate.axes[0], transmission=0.004),))

@@ -16,6 +16,7 @@ from service.captures import read_capture
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_bodies import DrivenHungMass, DrivenMachineBody, free_swing
 from service.dynamics.effects.driven_sensors import DrivenGain
+from service.identification import held_out
 from service.identification.held_out import at_limits
 from service.identification.moves_rests import KNOWN, swinging_on
 
@@ -82,6 +83,13 @@ def test_moves_begin_as_before_when_what_is_left_is_told(
     np.testing.assert_allclose(states[-1][:, -2:], states[-2][:, -2:], rtol=0.0, atol=1e-9)
 
 
+@pytest.fixture
+def well_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every number of a fit is known to a thousandth of its prior's width."""
+    monkeypatch.setattr(held_out, "told_by_train", lambda found: 1e-6 * np.eye(len(found.model.parameters)))
+
+
+@pytest.mark.usefixtures("well_known")
 def test_a_swing_that_the_moves_before_did_not_leave_is_none_of_the_machines_own(moves: Moves) -> None:
     model = Model(("X1",), 1, (DrivenHungMass(("X1",)),), "whole_move", ("constant", "skew"), bridge=False)
     swing = {"X1.hung_ratio": 0.1, "X1.hung_frequency": 12.0, "X1.hung_damping": 0.03}
@@ -96,6 +104,7 @@ def test_a_swing_that_the_moves_before_did_not_leave_is_none_of_the_machines_own
     )
 
 
+@pytest.mark.usefixtures("well_known")
 @pytest.mark.parametrize(
     ("name", "u", "odd"),
     [
@@ -110,8 +119,18 @@ def test_a_chain_that_no_machine_has_names_nothing(moves: Moves, name: str, u: f
     """Such as a contact damped three times over, which makes up for something else; but a heavy gear on a rigid spring
     follows the motor like a light one: a mass at its limit says only that the moves do not tell of it."""
     model = Model(("X1",), 1, (DrivenGain(("X1",)),), "whole_move", ("constant", "skew"), bridge=False)
-    at = point_at(model, MACHINE, [moves])
-    assert at_limits(Fitted(model, (moves,), at, np.zeros(10), every(model))) == ()
+    at, near = point_at(model, MACHINE | {"X1.gain_error": 0.1}, [moves]), np.zeros(10)
+    assert at_limits(Fitted(model, (moves,), at, near, every(model))) == ()
     at.shared[[p.name for p in model.parameters].index(f"X1.{name}")] = u
-    limits = at_limits(Fitted(model, (moves,), at, np.zeros(10), every(model)))
+    limits = at_limits(Fitted(model, (moves,), at, near, every(model)))
     assert limits == ((f"X1.{name}",) if odd else ())
+
+
+@pytest.mark.usefixtures("well_known")
+@pytest.mark.parametrize(("gain", "there"), [(0.1, True), (-0.1, True), (1e-9, False)])
+def test_an_effect_of_which_there_is_no_amount_is_none(moves: Moves, gain: float, there: bool) -> None:
+    """What explains the moves then is what the effect has anew in every move."""
+    model = Model(("X1",), 1, (DrivenGain(("X1",)),), "whole_move", ("constant", "skew"), bridge=False)
+    at = point_at(model, MACHINE | {"X1.gain_error": gain}, [moves])
+    fitted = Fitted(model, (moves,), at, np.zeros(10), every(model))
+    assert at_limits(fitted) == (() if there else ("X1.gain_error",))

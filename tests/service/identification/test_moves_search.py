@@ -189,16 +189,29 @@ def test_an_effect_is_begun_again_where_one_ended_that_contains_it(monkeypatch: 
 
 def test_how_two_gaps_divide_their_sum_is_tried_everywhere_with_the_chain_put_back(monkeypatch: Any) -> None:
     place = {"X1.backlash": 60e-6, "X1.coulomb": 0.3, "X1.drive_mass": 0.9, "X1.contact_damping_ratio": 0.5}
-    scene = cast(Any, SimpleNamespace(rich=place, smooth=place | {"X1.backlash": 50e-6}))
+    scene = cast(Any, SimpleNamespace(rich=place | {"X1.backlash": 50e-6}))
     model = Model(("X1",), 1)
     candidate = moves_starts.candidates(model, (DRIVEN["gearbox_clearance"],), ())[0]
     monkeypatch.setattr(moves_starts, "values_at", lambda _found: place)
     begun = moves_starts.everywhere(scene, stub(1.6), candidate)
     sums = [b["X1.backlash"] + b["X1.clearance"] for b in begun]
-    np.testing.assert_allclose(sums, 12 * [60e-6] + 6 * [50e-6])
+    np.testing.assert_allclose(sums, 6 * [60e-6] + 6 * [50e-6] + 6 * [60e-6])
+    assert begun[-1].keys() - {"X1.clearance", "X1.pinion_friction"} == {"X1.backlash", "X1.coulomb"}
     assert len({round(b["X1.clearance"], 9) for b in begun[:6]}) == 6
     assert not any("X1.drive_mass" in b or "X1.contact_damping_ratio" in b for b in begun)
     assert not moves_starts.everywhere(scene, stub(9.0), candidate), "more is missing than a split gap"
+
+
+@pytest.mark.parametrize(
+    ("train", "held_out", "ended"),
+    [(1.0, 2.0, True), (1.0, 1.2, False), (1.5, 1.8, False), (1.5, 2.1, True), (2.5, 9.0, False)],
+)
+def test_a_fit_that_describes_its_own_moves_only_is_ended_before_it_is_judged(
+    monkeypatch: Any, train: float, held_out: float, ended: bool
+) -> None:
+    monkeypatch.setattr(moves_search, "ended", lambda _scene, _trial: "ended")
+    trial = cast(Any, SimpleNamespace(train_rms=train, validation_rms=held_out))
+    assert (moves_search.to_the_end(cast(Any, None), trial) == "ended") is ended
 
 
 @pytest.mark.parametrize(("without", "kept"), [(1.15, "sound"), (1.4, "overdamped")])

@@ -113,6 +113,24 @@ def test_what_contains_another_is_taken_only_for_a_gain_of_its_own_and_is_no_riv
         assert not found.rivals
 
 
+@pytest.mark.parametrize(
+    ("name", "rms", "rivals"), [("filter", 0.54, 1), ("filter", 0.56, 0), ("gain", 0.54, 0)]
+)
+def test_what_is_nearly_the_same_is_a_rival_as_long_as_it_comes_nearly_as_near(
+    name: str, rms: float, rivals: int
+) -> None:
+    """Of slow motion a filter is a delay."""
+    trials = {"latency": trial(0.5, 0), name: trial(rms, 0)}
+    found = select(
+        trial(1.0, 0),
+        lambda _present, taken: {} if taken else trials,
+        limits=Limits(enough=0.6, further=(0.25, 0.6)),
+        nearly=lambda effect: ("filter",) if effect == "latency" else (),
+    )
+    assert found.effects == ("latency",)
+    assert len(found.rivals) == rivals
+
+
 def test_an_error_that_only_the_held_out_moves_show_is_searched_for() -> None:
     """A friction that is curved: at the speed of the train moves alone it looks like any other."""
     for held_out, effects in ((3.0, ("curved",)), (1.5, ())):

@@ -83,7 +83,8 @@ class Plain:
         if self.get("ripple_amplitude"):
             size, kappa = self.e["ripple_amplitude"], 2 * np.pi / self.e["ripple_period"]
             angle = kappa * x + self.e["ripple_phase"]
-            x += size * (np.sin(angle) - np.sin(self.e["ripple_phase"]))
+            begun = kappa * float(self.course(BEGIN, 0)) + self.e["ripple_phase"]
+            x += size * (np.sin(angle) - np.sin(begun))
             v += size * kappa * np.cos(angle) * v
         return x, v
 
