@@ -370,6 +370,13 @@ def _evidence(held: Held, selection: Selection[Explained], finding: Finding, axi
             "where the two motors stand to each other when the bridge pulls on neither side is one number of a "
             "recording, found again in four whole held-out moves"
         )
+    if finding == "effect":
+        after = selection.after.model.held
+        lines.append(
+            f"residual with {' and '.join(selection.effects)}: {rms(after.errors[:, axis]) * noise:.4g} m/s²; "
+            f"{announced(after, axis) * noise:.4g} is to be expected of the right model, by the noise of both sensors "
+            "and by what the moves that were fitted do not tell of its numbers"
+        )
     both = clearance_beside(selection.after.model.fitted, axis)
     if finding == "effect" and both:
         lines.append(
@@ -379,6 +386,13 @@ def _evidence(held: Held, selection: Selection[Explained], finding: Finding, axi
     if finding == "unknown" and selection.effects:
         lines.append(f"{', '.join(selection.effects)} explain a part, but not enough to be named")
     return tuple(lines)
+
+
+def announced(held: Held, axis: int) -> float:
+    """RMS over the sensor's noise that is expected of the errors in the held-out moves of an axis if the model is
+    right: the noise of the motor's speed moves the load, too, and numbers are known as well as the moves tell them."""
+    expected = held.moves.expected[:, axis] * np.hypot(1.0, held.doubted[:, axis])
+    return rms(np.where(held.moves.used[:, axis], expected, np.nan))
 
 
 def _frequency(errors: FloatArray, h: float) -> float:

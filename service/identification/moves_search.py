@@ -35,8 +35,8 @@ from service.identification.moves_starts import (
     candidates,
     compared,
     fewer,
+    in_vain,
     noted,
-    out_of_reach,
     placed,
     unanswering,
     widened,
@@ -220,9 +220,10 @@ def propose(
     found: dict[str, Fitted] = {}
     tried = candidates(base.model, library, taken)
     coupled = {c.name: as_coupled(scene, base, c) for c in tried if scene.coupled and bridges(c)}
-    brief = compared(scene, base, tried, min((f.rms for f in coupled.values()), default=np.inf))
+    known = min((f.rms for f in coupled.values()), default=np.inf)
+    brief = compared(scene, base, tried, known, taken)
     least = min([f.rms for f in coupled.values()] + [fits[0].rms for fits in brief.values()])
-    if out_of_reach(least, base, taken):
+    if in_vain(least, base, taken):
         ranked = sorted(brief, key=lambda name: brief[name][0].rms)[:PROMISING]
         return {name: trial_of(scene, refitted(base, brief[name], least), thorough=False) for name in ranked}
     for name, fits in brief.items():

@@ -55,6 +55,9 @@ DIVIDED = 1.15
 FAR_OFF = 2.0
 """How much farther from a few moves than the best of all candidates one may be and still be looked at again, and be
 fitted to all moves."""
+HARDLY = 0.9
+"""How much nearer to a few moves than the present fit the best further effect must come to be looked at again (chosen:
+the last of those looks took a few percent off)."""
 TOO_MUCH = 4.0
 """RMS of the present model from which on an effect whose fits have many valleys is not searched for: more is missing
 than a split gap."""
@@ -328,19 +331,23 @@ def best_looks(looks: Sequence[Fitted], found: Fitted, candidate: Candidate) -> 
 
 
 def compared(
-    scene: Scene, found: Fitted, library: Sequence[Candidate], known: float = np.inf
+    scene: Scene,
+    found: Fitted,
+    library: Sequence[Candidate],
+    known: float = np.inf,
+    taken: Sequence[str] = (),
 ) -> dict[str, list[Brief]]:
     """The best fits of a few moves of every candidate, by name. All are begun; those that are not far off what is
     nearest, also of what is `known` by its RMS, are looked at, and if they are not as near as a right one comes, a
     second time from more starts; where one comes as near, only those that come half the way to it. Of many valleys the
-    first look tells little. Where they are out of reach, the first look is all."""
+    first look tells little. Where all is in vain, the first look is all."""
     looks = {one.name: glimpsed(scene, found, one) for one in library}
     least = min([known, *map(nearest, looks.values())])
     hopeful = [one for one in library if nearest(looks[one.name]) < FAR_OFF * least]
     looks |= {one.name: looked_at(looks[one.name]) for one in hopeful}
     least = min([known, *map(nearest, looks.values())])
     far = FAR_OFF * least if least > ENDED else min(FAR_OFF * least, 0.5 * (least + found.rms))
-    if out_of_reach(least, found):
+    if in_vain(least, found, taken):
         return {one.name: glanced(looks[one.name], found) for one in library}
     lacking = [one for one in hopeful if ENDED < nearest(looks[one.name]) < far]
     if least > DIVIDED:
@@ -361,6 +368,20 @@ def out_of_reach(least: float, found: Fitted, taken: Sequence[str] = ()) -> bool
     """Whether no two effects can explain the moves, by the RMS of the best candidate on a few of them beside the
     present fit: it is not near, and neither half the way nor the second of them."""
     return least > NEAR and (len(taken) > 0 or least > SHARED * found.rms)
+
+
+def in_vain(least: float, found: Fitted, taken: Sequence[str]) -> bool:
+    """Whether no candidate is worth another look, by the RMS of the best of them on a few moves: out of reach, or as a
+    further effect hardly nearer than the present fit, which would have to be a quarter nearer for a name."""
+    return out_of_reach(least, found, taken) or (
+        len(taken) > 0 and least > HARDLY * on_a_few_moves(found).rms
+    )
+
+
+def on_a_few_moves(found: Fitted) -> Fitted:
+    """The present fit, fitted to a few moves as candidates are."""
+    own = found.at.local[0][few_of(found.moves[0], FEW)]
+    return fit(fewer(found), found.model, Point(found.at.shared, (own,)), BRIEF)
 
 
 def glanced(fits: Sequence[Fitted], found: Fitted) -> list[Brief]:
