@@ -243,7 +243,8 @@ def propose(
             found[name] = settled(found[name], ROUNDS)
             finished.append(name)
     trials = {name: trial_of(scene, f, thorough=name in finished) for name, f in found.items()}
-    return trials | {name: to_the_end(scene, trials[name]) for name in finished}
+    first = min(finished, key=lambda name: found[name].rms)
+    return trials | {first: to_the_end(scene, trials[first])}
 
 
 def fitted_on(base: Fitted, found: dict[str, Fitted], tried: Sequence[Candidate]) -> None:

@@ -286,8 +286,9 @@ def glimpsed(scene: Scene, found: Fitted, candidate: Candidate) -> list[Fitted]:
 
 
 def looked_at(glimpses: Sequence[Fitted]) -> list[Fitted]:
-    """The fits continued, the best of them as long again."""
-    looks = [fit(f.moves, f.model, f.at, BRIEF - GLIMPSE) for f in glimpses]
+    """The better half of the fits continued, the best of them as long again."""
+    ranked = sorted(glimpses, key=lambda f: f.rms)
+    looks = [fit(f.moves, f.model, f.at, BRIEF - GLIMPSE) for f in ranked[: (len(ranked) + 1) // 2]]
     best = min(looks, key=lambda f: f.rms)
     return [*looks, fit(best.moves, best.model, best.at, BRIEF)]
 
