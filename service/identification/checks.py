@@ -65,12 +65,12 @@ def _repeats(a: Trace, b: Trace) -> bool:
     count = min(len(a), len(b))
     if count < 100:
         return False
-    a_values, b_values = a.value[:count], b.value[:count]
-    moving = np.abs(a_values) > 0.2 * np.ptp(a.value)
-    moving &= (
-        np.diff(a_values, prepend=np.nan) != 0.0
-    )  # a sensor that stays at the end of its range repeats that
-    same = (a_values == b_values) & moving
+    said, again = a.value[:count], b.value[:count]
+    held = (
+        np.diff(said, prepend=np.nan) == 0.0
+    )  # as at the end of a sensor's range, where all recordings are alike
+    moving = (np.abs(said) > 0.2 * np.ptp(a.value)) & ~held
+    same = (said == again) & moving
     return bool(moving.sum() > 50 and same.sum() > 0.5 * moving.sum())
 
 

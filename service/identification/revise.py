@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from service.dynamics.effects.driven_library import DRIVEN
-from service.identification.axis_verdict import LEFT, backlash_of
+from service.identification.axis_numbers import backlash_of
+from service.identification.axis_verdict import LEFT
 from service.identification.explanation import CannotExplain
 from service.identification.held_out import trial_of
 from service.identification.moves_search import ROUNDS, ended, propose, settled

@@ -232,11 +232,9 @@ def select(
         near = [name for name in passed if distance(trials[name]) <= (1.0 + NEAR) * distance(nearest)]
         best = min(near, key=lambda name: (size(trials[name]), distance(trials[name])))
         log += [_only(best, candidate) for candidate in judged.values()]
-        rivals += [
-            (best, name)
-            for name in passed
-            if name != best and _alike(trials[best], trials[name], NEAR if name in nearly(best) else MATERIAL)
-        ]
+        others = [name for name in passed if name != best]
+        shares = {name: NEAR if name in nearly(best) else MATERIAL for name in others}
+        rivals += [(best, name) for name in others if _alike(trials[best], trials[name], shares[name])]
         refined = refine(trials[best])
         worse = distance(refined) > (1.0 + NEAR) * distance(trials[best])
         present, taken = trials[best] if worse else refined, (*taken, best)

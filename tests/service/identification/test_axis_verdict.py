@@ -56,7 +56,7 @@ def test_an_impurity_that_moves_the_backlash_by_next_to_nothing_is_none(
 ) -> None:
     values = iter([(50.0e-6, 1e-7), (50.3e-6, 1e-7)])
     monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: next(values))
-    monkeypatch.setattr(axis_verdict, "_deviations", numbers)
+    monkeypatch.setattr(axis_verdict, "deviations", numbers)
     selection = Selection(trial(1.4, 2.5), trial(1.0, 1.1), ("transmission_ripple",), (), ())
     assert axis_verdict.finding_of(selection) == ("none", ())
 
@@ -102,7 +102,7 @@ def test_what_every_rack_has_is_a_finding_only_where_it_matters_or_is_everything
 ) -> None:
     values = iter([(50.0e-6, 1e-7), (50.3e-6, 1e-7)])
     monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: next(values))
-    monkeypatch.setattr(axis_verdict, "_deviations", numbers)
+    monkeypatch.setattr(axis_verdict, "deviations", numbers)
     selection = Selection(trial(3.0, before), trial(after, after), (name,), (), ())
     assert axis_verdict.finding_of(selection)[0] == found
 
@@ -113,7 +113,7 @@ def test_what_every_rack_has_is_no_explanation_of_what_it_leaves(
 ) -> None:
     """A mesh error that takes a third from a residual of three and more is not all that acts."""
     monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: (50e-6, 1e-7))
-    monkeypatch.setattr(axis_verdict, "_deviations", numbers)
+    monkeypatch.setattr(axis_verdict, "deviations", numbers)
     selection = Selection(trial(4.4, 4.0), trial(left, left), ("transmission_ripple",), (), ())
     assert axis_verdict.finding_of(selection)[0] == found
 
@@ -128,7 +128,7 @@ def test_three_micrometres_that_leave_the_backlash_alone_are_of_the_mesh_unless_
     """A rack's teeth are 3.14 mm apart and more; 2.9 ± 0.1 mm may be theirs."""
     ripple = {"X1.ripple_amplitude": (3.1e-6, 2e-7), "X1.ripple_period": (period, 1e-4)}
     monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: (50e-6, 1e-7))
-    monkeypatch.setattr(axis_verdict, "_deviations", lambda _fitted: ripple)
+    monkeypatch.setattr(axis_verdict, "deviations", lambda _fitted: ripple)
     selection = Selection(trial(3.0, held_out), trial(1.0, 1.1), ("transmission_ripple",), (), ())
     assert axis_verdict.finding_of(selection)[0] == found
 
@@ -149,7 +149,7 @@ def test_what_is_in_no_sound_machine_and_explains_what_shows_in_all_moves_is_a_f
     """Also where it does not change the backlash; what shows in the held-out moves only may be numbers, and what
     explains half of it a part of something else."""
     monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: (50e-6, 1e-7))
-    monkeypatch.setattr(axis_verdict, "_deviations", numbers)
+    monkeypatch.setattr(axis_verdict, "deviations", numbers)
     selection = Selection(trial(train, 1.5), trial(1.0, after), (name,), (), ())
     assert axis_verdict.finding_of(selection)[0] == found
 
@@ -162,7 +162,7 @@ def test_flanks_that_stiffen_more_than_steel_does_are_a_finding(
 ) -> None:
     """Where the number is known well enough to say so; the backlash need not change."""
     monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: (50e-6, 1e-7))
-    monkeypatch.setattr(axis_verdict, "_deviations", lambda _f: {"X1.bend": (bend, std)})
+    monkeypatch.setattr(axis_verdict, "deviations", lambda _f: {"X1.bend": (bend, std)})
     selection = Selection(trial(1.4, 1.7), trial(1.0, 1.02), ("contact_nonlinearity",), (), ())
     assert axis_verdict.finding_of(selection)[0] == found
 

@@ -42,7 +42,7 @@ from service.captures import read_capture
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_library import DRIVEN
 from service.dynamics.effects.driven_transmission import DrivenBentContact, DrivenClearance
-from service.identification.axis_verdict import backlash_of, clearance_beside, unseen_depth
+from service.identification.axis_numbers import backlash_of, clearance_beside, unseen_depth
 from service.identification.held_out import held_out, told_by_train
 from service.identification.moves_search import ROUNDS, SUMMED, over_the_ridge, steady
 from service.identification.scene import ChannelTolerance, as_effects, estimator_alone, smeared

@@ -1,0 +1,113 @@
+"""What goes with a verdict on an axis' moves: evidence in words, and the move that would tell rivals apart."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from service.backlash.moves import Moves
+from service.identification.axis_numbers import clearance_beside
+from service.identification.explanation import Finding, SeparatingMove
+from service.identification.held_out import Explained, Held, rms
+from service.identification.scene import Scene
+from service.identification.selection import Selection
+from service.recording import FloatArray
+
+
+def over_range(scene: Scene, axis: str) -> tuple[str, ...]:
+    """What says that an accelerometer was over its range, if this one was."""
+    if axis not in scene.clipped:
+        return ()
+    return (
+        "the accelerometer stays at an end of its range: the steps are harder than it can measure, and nothing was "
+        "searched for. Choose a larger range, or step with a smaller jerk, and record again",
+    )
+
+
+def shares(moves: Moves) -> FloatArray:
+    """(T, K) how far each sample's move has gone."""
+    out = []
+    for grid in moves.grids:
+        move = moves.recording.moves[grid.index]
+        out.append((grid.time[:-1] + 0.5 * grid.h - move.start) / move.duration)
+    return np.stack(out)
+
+
+def evidence_of(held: Held, selection: Selection[Explained], finding: Finding, axis: int) -> tuple[str, ...]:
+    noise = held.moves.noise[axis]
+    errors, share = held.errors[:, axis] * noise, shares(held.moves)
+    parts = [rms(errors[(share >= k / 5) & (share < (k + 1) / 5)]) for k in range(5)]
+    worst = int(np.argmax(parts))
+    lines = [
+        f"residual of the declared model: {rms(errors):.4g} m/s² against a noise of {noise:.4g}",
+        f"largest between {20 * worst} and {20 * worst + 20} % of the move ({parts[worst]:.4g} m/s²)",
+    ]
+    for word, d in (("positive", 1.0), ("negative", -1.0)):
+        if np.any(held.moves.s == d):
+            of = errors[held.moves.s == d]
+            lines.append(f"{word} moves: {rms(of):.4g} m/s², mean {float(np.nanmean(of)):.3g}")
+    lines.append(f"strongest frequency in the residual: {strongest_frequency(errors, held.moves.h):.0f} Hz")
+    if len(held.moves.axes) == 2:
+        other = held.errors[:, 1 - axis] * held.moves.noise[1 - axis]
+        known = np.isfinite(errors) & np.isfinite(other)
+        tie = float(np.corrcoef(errors[known], other[known])[0, 1])
+        lines.append(f"correlation with the partner's residual: {tie:.2f}")
+    lines.append(
+        "where the pinion stands in its gap, and what swings there, is found again in the first 45 % of every held-out "
+        "move; the sensor's zero at rest, or as the mean of the recording where something swings in the rests"
+    )
+    if selection.before.model.fitted.model.bridge and len(held.moves.axes) == 2:
+        lines.append(
+            "where the two motors stand to each other when the bridge pulls on neither side is one number of a "
+            "recording, found again in four whole held-out moves"
+        )
+    if finding == "effect":
+        after = selection.after.model.held
+        lines.append(
+            f"residual with {' and '.join(selection.effects)}: {rms(after.errors[:, axis]) * noise:.4g} m/s²; "
+            f"{announced(after, axis) * noise:.4g} is to be expected of the right model, by the noise of both sensors "
+            "and by what the moves that were fitted do not tell of its numbers"
+        )
+    both = clearance_beside(selection.after.model.fitted, axis)
+    if finding == "effect" and both:
+        lines.append(
+            f"the two gaps are {1e6 * both:.1f} µm together; how they divide between flanks and gearbox these moves "
+            "hardly tell: hold the motor and turn the pinion by hand to measure the gearbox alone"
+        )
+    if finding == "unknown" and selection.effects:
+        lines.append(f"{', '.join(selection.effects)} explain a part, but not enough to be named")
+    return tuple(lines)
+
+
+def announced(held: Held, axis: int) -> float:
+    """RMS over the sensor's noise that is expected of the errors in the held-out moves of an axis if the model is
+    right: the noise of the motor's speed moves the load, too, and numbers are known as well as the moves tell them."""
+    expected = held.moves.expected[:, axis] * np.hypot(1.0, held.doubted[:, axis])
+    return rms(np.where(held.moves.used[:, axis], expected, np.nan))
+
+
+def strongest_frequency(errors: FloatArray, h: float) -> float:
+    """Frequency [Hz] of the strongest line in the residuals of all moves (T, K)."""
+    clean = np.nan_to_num(errors)
+    power = np.sum(np.abs(np.fft.rfft(clean * np.hanning(clean.shape[1]), 4096, axis=1)) ** 2, axis=0)
+    return float(np.fft.rfftfreq(4096, h)[1:][np.argmax(power[1:])])
+
+
+def separating_move(selection: Selection[Explained], moves: Moves) -> SeparatingMove:
+    """The move that would tell the first pair of rivals apart, from the move that was made.
+
+    What depends on speed or on time shows in another jerk, what depends on direction in two moves the same way,
+    what depends on position in a longer travel.
+    """
+    move, pair = moves.recording.moves[0], set(selection.rivals[0])
+    text = f"{' and '.join(selection.rivals[0])} explain these moves alike; "
+    if pair & {"position_dependent_force", "position_dependent_backlash", "transmission_ripple"}:
+        why = text + "only one changes along the travel"
+        return SeparatingMove(4 * move.length, move.jerk, 1, "along the whole travel", why)
+    if pair <= {"constant_force", "asymmetric_friction"}:
+        why = text + "a slow reversal keeps a force and turns friction over"
+        return SeparatingMove(move.length, move.jerk / 4, -1, "as before", why)
+    if pair <= {"sensor_latency", "speed_filter"}:
+        why = text + "a sharper step is delayed by both, and flattened by a filter only"
+        return SeparatingMove(move.length, 2 * move.jerk, 1, "as before", why)
+    why = text + "a slower, longer move changes speed against acceleration"
+    return SeparatingMove(2 * move.length, move.jerk / 4, 1, "as before", why)

@@ -1,0 +1,99 @@
+"""What a fit of an axis' moves says of its numbers: values with standard deviations, and the backlash."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from service.backlash.moves_fit import Fitted
+from service.dynamics.effects.driven_transmission import TYPICAL_PUSH
+from service.recording import FloatArray
+
+LAW = 0.5
+"""Standard deviation of where a bent flank begins to push, over its bend and the depth at which its force is the
+sensor's noise. Chosen: what the law of its force is at smaller depths no sample shows, and the stronger it is bent, the
+farther from each other the laws that are alike above."""
+CROSSED = 0.6
+"""Share of a move at which its gap is crossed, about: after the top speed, at two thirds of the braking."""
+STRUCTURE = (0.11e-6, 1.2e-3)
+"""Standard deviation of what the structure is worth: floor [m] and share of the backlash, as in the estimator."""
+SPLIT = 0.25
+"""Standard deviation of how two gaps in series divide what they are together, as a share of that. Chosen: the fit has a
+valley every few micrometres of the split, and the deepest is not always found."""
+
+
+def covariance(found: Fitted) -> FloatArray:
+    """(P, P) of the shared coordinates, robust against coloured residuals: moves are taken as the independent
+    blocks (the sandwich of Huber and White), but never less than by white noise."""
+    P = len(found.model.parameters)
+    J = found.slopes.dense()
+    H = np.linalg.inv(J.T @ J + np.eye(J.shape[1]))
+    scores, first = [], 0
+    for part in found.moves:
+        move_of = np.nonzero(part.used)[0]
+        rows = slice(first, first + len(move_of))
+        weighted = J[rows] * found.r[rows, None]
+        scores += [weighted[move_of == t].sum(axis=0) for t in range(len(part.grids))]
+        first += len(move_of)
+    meat = np.stack(scores).T @ np.stack(scores) * len(scores) / max(1, len(scores) - 1)
+    sandwich, plain = (H @ meat @ H)[:P, :P], H[:P, :P] * max(1.0, found.rms**2)
+    size = np.sqrt(np.maximum(np.diag(plain), np.diag(sandwich)) / np.maximum(np.diag(plain), 1e-300))
+    return np.asarray(plain * np.outer(size, size))
+
+
+def deviations(found: Fitted) -> Mapping[str, tuple[float, float]]:
+    """Value and standard deviation of every parameter in its unit."""
+    spread = np.sqrt(np.diag(covariance(found)))
+    names = [p.name for p in found.model.parameters]
+    return {n: (found.value(n), abs(slope_of(found, k)) * float(spread[k])) for k, n in enumerate(names)}
+
+
+def backlash_of(found: Fitted, axis: int) -> tuple[float, float]:
+    """Backlash of an axis where its moves crossed the gap, and its standard deviation [m]."""
+    name = found.model.axes[axis]
+    names = [p.name for p in found.model.parameters]
+    k, gradient = names.index(f"{name}.backlash"), np.zeros(len(names))
+    b, gradient[k] = found.value(names[k]), slope_of(found, k)
+    if f"{name}.gap_slope" in names:  # the gap is then that of the place where the recording began
+        k, place = names.index(f"{name}.gap_slope"), crossing(found, axis)
+        b, gradient[k] = b + found.value(names[k]) * place, slope_of(found, k) * place
+    floor, share = STRUCTURE
+    laws = (SPLIT * clearance_beside(found, axis)) ** 2 + (LAW * unseen_depth(found, axis)) ** 2
+    variance = float(gradient @ covariance(found) @ gradient) + laws
+    return b, float(np.hypot(np.sqrt(variance), max(1.0, found.rms) * np.hypot(floor, share * b)))
+
+
+def clearance_beside(found: Fitted, axis: int) -> float:
+    """The backlash and a second gap in series with it together [m]; 0 where there is none."""
+    name = found.model.axes[axis]
+    if f"{name}.clearance" not in {p.name for p in found.model.parameters}:
+        return 0.0
+    return found.value(f"{name}.backlash") + found.value(f"{name}.clearance")
+
+
+def unseen_depth(found: Fitted, axis: int) -> float:
+    """How deep a bent flank is pressed [m] until its force is the sensor's noise, times its bend; 0 where it is not
+    bent."""
+    name = found.model.axes[axis]
+    if f"{name}.bend" not in {p.name for p in found.model.parameters}:
+        return 0.0
+    bend, k = found.value(f"{name}.bend"), found.value(f"{name}.contact_stiffness")
+    noise = float(found.moves[0].noise[axis])
+    return abs(bend) * TYPICAL_PUSH / k * float((noise / TYPICAL_PUSH) ** (1.0 / (1.0 + bend)))
+
+
+def crossing(found: Fitted, axis: int) -> float:
+    """Where the gap is crossed [m] from where the recording began, on average: at CROSSED of a move's duration."""
+    places = []
+    for part in found.moves:
+        for grid in part.grids:
+            move = part.recording.moves[grid.index]
+            places.append(float(part.plain[axis](move.start + CROSSED * move.duration)))
+    return float(np.mean(places))
+
+
+def slope_of(found: Fitted, k: int) -> float:
+    """Derivative of a parameter with respect to its coordinate."""
+    p, u = found.model.parameters[k], found.at.shared[k]
+    return float((p.value(u + 1e-4) - p.value(u - 1e-4)) / 2e-4)
