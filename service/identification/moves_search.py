@@ -35,8 +35,9 @@ from service.identification.moves_starts import (
     candidates,
     compared,
     fewer,
-    in_vain,
+    hardly_nearer,
     noted,
+    out_of_reach,
     placed,
     unanswering,
     widened,
@@ -223,7 +224,7 @@ def propose(
     known = min((f.rms for f in coupled.values()), default=np.inf)
     brief = compared(scene, base, tried, known, taken)
     least = min([f.rms for f in coupled.values()] + [fits[0].rms for fits in brief.values()])
-    if in_vain(least, base, taken):
+    if out_of_reach(least, base, taken) or hardly_nearer(least, base, taken):
         ranked = sorted(brief, key=lambda name: brief[name][0].rms)[:PROMISING]
         return {name: trial_of(scene, refitted(base, brief[name], least), thorough=False) for name in ranked}
     for name, fits in brief.items():

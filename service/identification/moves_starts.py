@@ -286,9 +286,8 @@ def glimpsed(scene: Scene, found: Fitted, candidate: Candidate) -> list[Fitted]:
 
 
 def looked_at(glimpses: Sequence[Fitted]) -> list[Fitted]:
-    """The better half of the fits continued, the best of them as long again."""
-    ranked = sorted(glimpses, key=lambda f: f.rms)
-    looks = [fit(f.moves, f.model, f.at, BRIEF - GLIMPSE) for f in ranked[: (len(ranked) + 1) // 2]]
+    """The fits continued, the best of them as long again."""
+    looks = [fit(f.moves, f.model, f.at, BRIEF - GLIMPSE) for f in glimpses]
     best = min(looks, key=lambda f: f.rms)
     return [*looks, fit(best.moves, best.model, best.at, BRIEF)]
 
@@ -341,14 +340,14 @@ def compared(
     """The best fits of a few moves of every candidate, by name. All are begun; those that are not far off what is
     nearest, also of what is `known` by its RMS, are looked at, and if they are not as near as a right one comes, a
     second time from more starts; where one comes as near, only those that come half the way to it. Of many valleys the
-    first look tells little. Where all is in vain, the first look is all."""
+    first look tells little. Where they are out of reach, or hardly nearer, the first look is all."""
     looks = {one.name: glimpsed(scene, found, one) for one in library}
     least = min([known, *map(nearest, looks.values())])
     hopeful = [one for one in library if nearest(looks[one.name]) < FAR_OFF * least]
     looks |= {one.name: looked_at(looks[one.name]) for one in hopeful}
     least = min([known, *map(nearest, looks.values())])
     far = FAR_OFF * least if least > ENDED else min(FAR_OFF * least, 0.5 * (least + found.rms))
-    if in_vain(least, found, taken):
+    if out_of_reach(least, found) or hardly_nearer(least, found, taken):
         return {one.name: glanced(looks[one.name], found) for one in library}
     lacking = [one for one in hopeful if ENDED < nearest(looks[one.name]) < far]
     if least > DIVIDED:
@@ -371,12 +370,10 @@ def out_of_reach(least: float, found: Fitted, taken: Sequence[str] = ()) -> bool
     return least > NEAR and (len(taken) > 0 or least > SHARED * found.rms)
 
 
-def in_vain(least: float, found: Fitted, taken: Sequence[str]) -> bool:
-    """Whether no candidate is worth another look, by the RMS of the best of them on a few moves: out of reach, or as a
-    further effect hardly nearer than the present fit, which would have to be a quarter nearer for a name."""
-    return out_of_reach(least, found, taken) or (
-        len(taken) > 0 and least > HARDLY * on_a_few_moves(found).rms
-    )
+def hardly_nearer(least: float, found: Fitted, taken: Sequence[str]) -> bool:
+    """Whether the best further effect comes hardly nearer to a few moves than the present fit, which would have to be
+    a quarter nearer for a name."""
+    return len(taken) > 0 and least > HARDLY * on_a_few_moves(found).rms
 
 
 def on_a_few_moves(found: Fitted) -> Fitted:
