@@ -13,7 +13,7 @@ from service.dynamics.effects.driven_sensors import DrivenBias
 from service.identification.axis_verdict import LEFT_BY_ONE, SEARCHED, verdict
 from service.identification.explanation import AxisExplanation
 from service.identification.held_out import Explained, trial_of
-from service.identification.moves_search import challenged, ended, propose, settled
+from service.identification.moves_search import challenged, ended, propose, settled, without
 from service.identification.scene import Scene, declared_fit, scene_of
 from service.identification.selection import Limits, Selection, Trial, select
 from service.recording import Recording
@@ -77,4 +77,5 @@ def searched(
         size=lambda trial: len(trial.model.fitted.model.parameters),
         contains=lambda name: DRIVEN[name].contains,
         nearly=lambda name: DRIVEN[name].nearly,
+        without=lambda trial, name: without(scene, trial, name),
     )

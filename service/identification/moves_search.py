@@ -365,3 +365,17 @@ def challenged(scene: Scene, present: Trial[Explained], best: Trial[Explained]) 
     if again.rms < BEHIND * now.rms and again.rms < HOPELESS:
         again = settled(again, ROUNDS)
     return trial_of(scene, again) if again.rms < 0.99 * now.rms else present
+
+
+def without(scene: Scene, trial: Trial[Explained], name: str) -> Trial[Explained]:
+    """The model without one of its effects, fitted once more from where it stands and to the end."""
+    found = trial.model.fitted
+    effects = tuple(effect for effect in found.model.effects if effect.name != name)
+    model = replace(found.model, effects=effects)
+    places = 2 * len(model.axes)
+    nuisance = [p.name for p in found.model.nuisance]
+    own = [*range(places), *(places + nuisance.index(p.name) for p in model.nuisance)]
+    numbers = [p.name for p in found.model.parameters]
+    shared = found.at.shared[[numbers.index(p.name) for p in model.parameters]]
+    again = fit(found.moves, model, Point(shared, tuple(local[:, own] for local in found.at.local)), ROUNDS)
+    return ended(scene, trial_of(scene, settled(again, ROUNDS)))

@@ -193,6 +193,7 @@ def select(
     size: Callable[[Trial[ModelT]], int] = lambda _trial: 0,
     contains: Callable[[str], Sequence[str]] = lambda _name: (),
     nearly: Callable[[str], Sequence[str]] = lambda _name: (),
+    without: Callable[[Trial[ModelT], str], Trial[ModelT]] | None = None,
 ) -> Selection[ModelT]:
     """Add effects one after the other until none is significant and material. It also ends where the truth is only
     ``imitated``.
@@ -204,14 +205,15 @@ def select(
     one with the fewest is taken. ``contains`` names the effects that one becomes when some of its numbers are zero: it
     is passed over for them unless it removes as much more as a further effect must, and it is no rival of theirs;
     taken after them, it is named in their place. ``nearly`` names the effects whose law is the same but for what little
-    of a recording tells: they are rivals as long as one comes nearly as near.
+    of a recording tells: they are rivals as long as one comes nearly as near. ``without(trial, name)`` refits a model
+    without one of its effects: what led the search to another may have been a part of that one's likeness.
     """
     present: Trial[ModelT] = before
     taken: tuple[str, ...] = ()
     first = before
     log: list[Candidate] = []
     rivals: list[tuple[str, str]] = []
-    while len(taken) < limits.most:
+    for _ in range(limits.most):
         missing = left if taken else shown
         material, enough = limits.of_next(taken)
         if missing(present) <= enough:
@@ -239,10 +241,23 @@ def select(
         worse = distance(refined) > (1.0 + NEAR) * distance(trials[best])
         present, taken = trials[best] if worse else refined, (*taken, best)
         tell(f"{best}: held-out RMS {present.validation_rms:.4g}")
+        if without:
+            present, taken = _thinned(present, taken, without)
         if limits.reached(first, present, len(taken)):
             break
     named = tuple(n for n in taken if not any(n in contains(other) for other in taken))
     return Selection(first, present, named, tuple(log), tuple(r for r in rivals if r[0] in named))
+
+
+def _thinned(
+    present: Trial[ModelT], taken: tuple[str, ...], without: Callable[[Trial[ModelT], str], Trial[ModelT]]
+) -> tuple[Trial[ModelT], tuple[str, ...]]:
+    """The model without those of its earlier effects without which it comes as near to all moves."""
+    for name in taken[:-1]:
+        shorter = without(present, name)
+        if distance(shorter) <= (1.0 + NEAR) * distance(present):
+            present, taken = shorter, tuple(other for other in taken if other != name)
+    return present, taken
 
 
 def _without_containing(

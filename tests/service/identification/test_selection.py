@@ -40,6 +40,19 @@ def test_the_better_of_two_real_gains_is_taken_first() -> None:
     assert found.after.validation_rms < found.before.validation_rms
 
 
+@pytest.mark.parametrize(("alone", "effects"), [(0.31, ("body",)), (0.5, ("hung", "body"))])
+def test_what_only_led_to_another_effect_is_left_out_again(alone: float, effects: tuple[str, ...]) -> None:
+    """A hung mass, taken first for a rocking body, of which the body leaves nothing."""
+    table = {(): {"hung": 0.6}, ("hung",): {"body": 0.3}, ("body",): {"hung": 0.31}}
+    found = select(
+        trial(1.0, 0),
+        lambda _present, taken: {name: trial(rms, 0) for name, rms in table[taken].items()},
+        limits=Limits(enough=0.35, most=2),
+        without=lambda _trial, name: trial({"hung": alone}[name], 0),
+    )
+    assert found.effects == effects
+
+
 def test_of_two_that_come_equally_near_the_smaller_is_taken() -> None:
     """A force that grows along the travel contains a constant one."""
     trials = {
