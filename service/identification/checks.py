@@ -66,9 +66,7 @@ def _repeats(a: Trace, b: Trace) -> bool:
     if count < 100:
         return False
     said, again = a.value[:count], b.value[:count]
-    held = (
-        np.diff(said, prepend=np.nan) == 0.0
-    )  # as at the end of a sensor's range, where all recordings are alike
+    held = np.diff(said, prepend=np.nan) == 0.0  # at the end of a sensor's range all recordings are alike
     moving = (np.abs(said) > 0.2 * np.ptp(a.value)) & ~held
     same = (said == again) & moving
     return bool(moving.sum() > 50 and same.sum() > 0.5 * moving.sum())

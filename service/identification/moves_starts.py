@@ -56,8 +56,8 @@ FAR_OFF = 2.0
 """How much farther from a few moves than the best of all candidates one may be and still be looked at again, and be
 fitted to all moves."""
 HARDLY = 0.9
-"""How much nearer to a few moves than the present fit the best further effect must come to be looked at again (chosen:
-the last of those looks took a few percent off)."""
+"""How much nearer to a few moves than the present fit the best further effect must come to be looked at again
+(chosen)."""
 TOO_MUCH = 4.0
 """RMS of the present model from which on an effect whose fits have many valleys is not searched for: more is missing
 than a split gap."""
