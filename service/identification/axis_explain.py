@@ -10,9 +10,9 @@ import numpy as np
 from service.dynamics.driven_model import DrivenEffect
 from service.dynamics.effects.driven_library import DRIVEN
 from service.dynamics.effects.driven_sensors import DrivenBias
-from service.identification.axis_verdict import LEFT_BY_ONE, SEARCHED, verdict
+from service.identification.axis_verdict import LEFT_BY_ONE, verdict
 from service.identification.explanation import AxisExplanation
-from service.identification.held_out import Explained, trial_of
+from service.identification.held_out import SEARCHED, Explained, trial_of
 from service.identification.moves_search import challenged, ended, propose, settled, without
 from service.identification.scene import Scene, declared_fit, scene_of
 from service.identification.selection import Limits, Selection, Trial, select

@@ -18,15 +18,13 @@ from service.identification.explanation import (
     Parameter,
     Prediction,
 )
-from service.identification.held_out import Explained, Held, rms
+from service.identification.held_out import SEARCHED, Explained, Held, rms
 from service.identification.scene import Scene
 from service.identification.selection import Selection, Trial, explained, gone, left, shown
 from service.recording import FloatArray
 
 LEFT_BY_CLEAN = 1.25
 """RMS over what is expected up to which what is left may be next to nothing (chosen)."""
-SEARCHED = 1.15
-"""RMS that shows from which on what is missing is searched for (chosen)."""
 LEFT = 1.6
 """Held-out RMS over the noise up to which the named effects count as the whole explanation (chosen)."""
 LEFT_BY_ONE = 3.0
@@ -129,7 +127,8 @@ def finding_of(
         if _common(selection, everything) and (alone or left(after) <= LEFT):
             return "none", ()
     error = left if len(effects) == 1 else shown
-    near = error(after) <= (LEFT_BY_ONE if alone else LEFT) and after.validation_rms <= CHANGED
+    most = max(after.train_rms, after.validation_rms)
+    near = error(after) <= (LEFT_BY_ONE if alone else LEFT) and most <= CHANGED
     wholly = alone and after.train_rms <= LEFT and explained(before, after, WHOLLY)
     if wholly or (near and explained(before, after, PART) and _fitted_too(before, after)):
         return "effect", effects

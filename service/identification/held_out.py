@@ -27,13 +27,15 @@ from service.backlash.moves_fit import (
 from service.dynamics.driven_model import Model
 from service.identification.moves_rests import KNOWN, how_known, swinging_on, swings_at_all
 from service.identification.scene import Scene
-from service.identification.selection import Trial, independent_samples
+from service.identification.selection import Trial, independent_samples, shown
 from service.recording import FloatArray
 
 EARLY = 0.45
 """Share of a held-out move in which its zeros are found again; the backlash pass comes after it."""
 NEAR = 4.0
 """RMS below which a fit may be the right one; only then its numbers tell of the machine."""
+SEARCHED = 1.15
+"""RMS that shows from which on what is missing is searched for (chosen)."""
 OVERDAMPED = 4.5
 """Standard deviations of their priors above which no damping ratio of a chain is."""
 SURELY = 3.0
@@ -69,10 +71,11 @@ class Held:
 
 @dataclass(frozen=True)
 class Explained:
-    """A fitted model and what it says of the held-out moves."""
+    """A fitted model and what it says of the held-out moves; whether its fit was continued to the end."""
 
     fitted: Fitted
     held: Held
+    ended: bool = False
 
 
 def rms(values: FloatArray) -> float:
@@ -154,7 +157,7 @@ def trial_of(scene: Scene, found: Fitted, thorough: bool = True) -> Trial[Explai
     over = held.doubt * errors
     blocks = [float(np.nansum(part**2)) for move in over for part in np.array_split(move, PARTS, axis=-1)]
     flat = errors[np.isfinite(errors)]
-    return Trial(
+    trial = Trial(
         Explained(found, held),
         found.rms,
         rms(errors),
@@ -162,21 +165,27 @@ def trial_of(scene: Scene, found: Fitted, thorough: bool = True) -> Trial[Explai
         np.zeros(0),
         independent_samples(flat),
         held.doubt,
-        at_limits(found),
     )
+    shape = shapes_at_limits(found) if shown(trial) > SEARCHED else ()
+    return replace(trial, at_limits=(*shape, *no_such_effect(found)))
 
 
-def at_limits(found: Fitted) -> tuple[str, ...]:
-    """Numbers, by name, that stand where no such effect is: the last effect's own at a limit, or all its amounts at
-    zero, or a swing that the move before cannot have left, so that something else than the axis keeps it going, or a
-    chain damped as no machine's is. All but the first only of a fit that may be the right one."""
+def shapes_at_limits(found: Fitted) -> tuple[str, ...]:
+    """Numbers that shape the last effect, by name, that stand at a limit: what needs a shape that no such effect has is
+    something else, unless it leaves nothing to be searched for."""
+    return tuple(p.name for p in found.model.effects[-1].parameters if p.at_limit(found.value(p.name)))
+
+
+def no_such_effect(found: Fitted) -> tuple[str, ...]:
+    """Numbers, by name, that stand where no such effect is: all amounts of the last one at zero, or a swing that the
+    move before cannot have left, so that something else than the axis keeps it going, or a chain damped as no
+    machine's is. Only of a fit that may be the right one."""
     last = found.model.effects[-1]
-    limits = [p.name for p in last.parameters if p.at_limit(found.value(p.name))]
     if found.rms > NEAR:
-        return tuple(limits)
-    limits += amounts_of_nothing(found)
+        return ()
+    limits = amounts_of_nothing(found)
     if last.states and how_known(found.moves) > KNOWN[-1]:
-        limits += [p.name for p in last.nuisance]
+        limits += tuple(p.name for p in last.nuisance)
     return (*limits, *overdamped(found))
 
 

@@ -4,7 +4,7 @@ starts (``moves_starts``), and judged on moves that were not fitted.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -28,14 +28,13 @@ from service.identification.moves_rests import KNOWN, how_known, swinging_on, sw
 from service.identification.moves_starts import (
     BRIEF,
     ENDED,
-    FAR_OFF,
-    PUT_BACK,
     Brief,
     Candidate,
     candidates,
+    chain,
     compared,
+    enough_of_few,
     fewer,
-    hardly_nearer,
     noted,
     out_of_reach,
     placed,
@@ -63,6 +62,8 @@ TURNS, STEADY = 8, 2.0
 noise, from which on they agree (chosen: a standard deviation of one number changes it by one)."""
 SUMMED = (0.05, 0.01)
 """How long residuals are summed up to those of speed, the longest first [s] (chosen: periods of a contact, and one)."""
+PUT_BACK = ("turnover_speed", "turnover_spread", "coulomb", "viscous", "damping_ratio", "smear")
+"""Parameters that a wrong model drives into a corner from which a fit comes back slowly."""
 CORNERS = 2
 """How often a fit that stands in a corner has its numbers put back."""
 RIDGE = 0.995
@@ -111,10 +112,10 @@ def carried(found: Fitted, brief: Brief, rounds: int) -> Fitted:
     return fit(moves, brief.model, at, rounds)
 
 
-def refitted(found: Fitted, brief: Sequence[Brief], least: float) -> Fitted:
-    """The candidate on all moves, from the best of its fits of a few; `least` is the RMS of the best of all
-    candidates there. One that is far from it is only looked at."""
-    if brief[0].rms > FAR_OFF * least:
+def refitted(found: Fitted, brief: Sequence[Brief], enough: float) -> Fitted:
+    """The candidate on all moves, from the best of its fits of a few. One that is not near `enough` there is only
+    looked at."""
+    if brief[0].rms > enough:
         return glanced_at(found, brief[0])
     best = [one for one in brief if brief[0].rms > RIVAL * one.rms]
     return min((carried(found, one, FIRST_ROUNDS) for one in best), key=lambda f: f.rms)
@@ -146,10 +147,11 @@ def ground_of(found: Fitted, best: Fitted) -> Fitted:
     return fit(few, found.model, point_at(found.model, values_at(best), few), BRIEF, free=held)
 
 
-def seconded(ground: Fitted, first: Fitted, candidate: Candidate) -> Fitted:
-    """The candidate, fitted `first`, begun once more from such a ground."""
+def seconded(ground: Fitted, first: Fitted, candidate: Candidate, nearest: float) -> Fitted:
+    """The candidate, fitted `first`, begun once more from such a ground; `nearest` is the RMS of its best fit so
+    far."""
     brief = fit(ground.moves, candidate.model, placed(ground, candidate).at, BRIEF)
-    if brief.rms > SECOND * first.rms:
+    if brief.rms > SECOND * nearest:
         return first
     again = carried(first, noted(brief, first.moves), FIRST_ROUNDS)
     return min(first, again, key=lambda f: f.rms)
@@ -165,17 +167,25 @@ def begun_at(moves: Sequence[Moves], model: Model, values: Values, *locals_: tup
 
 def settled(found: Fitted, rounds: int) -> Fitted:
     """The fit continued with the motors' motion reconstructed from it. One that is not near begins once more with the
-    numbers put back that a wrong model drives into a corner."""
+    numbers put back that a wrong model drives into a corner, and if it is far, with the chain put back too."""
     moves = reconstructed(found)
     on = fit(moves, found.model, found.at, rounds)
     if on.rms >= ENDED:
         on = min(on, put_back(moves, found, rounds), key=lambda f: f.rms)
+    if on.rms >= SOUND:
+        on = min(on, put_back(moves, found, rounds, chain(found.model)), key=lambda f: f.rms)
     return swung_in(as_damped(on)) if on.rms < HOPELESS else on
 
 
-def put_back(moves: Sequence[Moves], found: Fitted, rounds: int) -> Fitted:
-    """The model of a fit fitted once more with the numbers put back that a wrong model drives into a corner."""
-    values = {name: v for name, v in values_at(found).items() if not name.endswith(PUT_BACK)}
+def put_back(moves: Sequence[Moves], found: Fitted, rounds: int, too: Collection[str] = ()) -> Fitted:
+    """The model of a fit fitted once more with the numbers put back that a wrong model drives into a corner, those of a
+    link that is damped as none is, and what is given `too`, without the axis' name."""
+    odd = tuple(name.removesuffix("damping_ratio") for name in overdamped(found))
+    values = {
+        name: v
+        for name, v in values_at(found).items()
+        if not name.endswith(PUT_BACK) and not name.startswith(odd) and name.rpartition(".")[2] not in too
+    }
     return fit(moves, found.model, begun_at(moves, found.model, values, found.at.local), rounds)
 
 
@@ -216,7 +226,8 @@ def propose(
     taken: tuple[str, ...],
     tell: Callable[[str], None],
 ) -> dict[str, Trial[Explained]]:
-    """Every effect that is not in yet, fitted on all train moves; the best few fitted to the end."""
+    """Every effect that is not in yet, fitted on all train moves; the best few fitted to the end. Of further effects
+    none, where a few moves show that none explains what is left."""
     base = present.model.fitted
     found: dict[str, Fitted] = {}
     tried = candidates(base.model, library, taken)
@@ -224,18 +235,25 @@ def propose(
     known = min((f.rms for f in coupled.values()), default=np.inf)
     brief = compared(scene, base, tried, known, taken)
     least = min([f.rms for f in coupled.values()] + [fits[0].rms for fits in brief.values()])
-    if out_of_reach(least, base, taken) or hardly_nearer(least, base, taken):
+    enough = min(BEHIND * least, enough_of_few(base, taken))
+    if taken and (out_of_reach(least, base, taken) or least > enough):
+        return {}
+    if out_of_reach(least, base):
         ranked = sorted(brief, key=lambda name: brief[name][0].rms)[:PROMISING]
-        return {name: trial_of(scene, refitted(base, brief[name], least), thorough=False) for name in ranked}
+        return {
+            name: trial_of(scene, refitted(base, brief[name], BEHIND * least), thorough=False)
+            for name in ranked
+        }
     for name, fits in brief.items():
-        fitted = (refitted(base, fits, least), *(f for at, f in coupled.items() if at == name))
+        fitted = (refitted(base, fits, enough), *(f for at, f in coupled.items() if at == name))
         found[name] = min(fitted, key=lambda f: f.rms)
         tell(f"tried {name}: {found[name].rms:.3f} (now {base.rms:.3f})")
     best = min(found.values(), key=lambda f: f.rms)
     behind = [c for c in tried if best.rms < SECOND * min(base.rms, found[c.name].rms)]
     ground = ground_of(base, best) if behind else base
     for candidate in behind:
-        found[candidate.name] = seconded(ground, found[candidate.name], candidate)
+        nearest = min(brief[candidate.name][0].rms, found[candidate.name].rms)
+        found[candidate.name] = seconded(ground, found[candidate.name], candidate, nearest)
     fitted_on(base, found, tried)
     finished: list[str] = []
     for name in sorted(leading(found, FINALISTS), key=lambda name: swings_at_all(found[name].model)):
@@ -279,7 +297,8 @@ def leading(found: Mapping[str, Fitted], count: int) -> list[str]:
 def ended(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
     """The fit of a model that may be the right one, its effects as they are simulated for a value, continued while it
     gains."""
-    if trial.model.fitted.model == scene.declared and trial.train_rms > SOUND:
+    lacks_something = trial.model.fitted.model == scene.declared and trial.train_rms > SOUND
+    if trial.model.ended or lacks_something:
         return trial
     best = in_full(trial.model.fitted)
     more = MORE if swings_at_all(best.model) else 1
@@ -289,7 +308,8 @@ def ended(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
         if gained < GAIN * best.rms:
             break
     best = steady(best)
-    return trial if best is trial.model.fitted else trial_of(scene, best)
+    out = trial if best is trial.model.fitted else trial_of(scene, best)
+    return replace(out, model=replace(out.model, ended=True))
 
 
 def steady(found: Fitted) -> Fitted:

@@ -31,6 +31,7 @@ from service.dynamics.driven_model import LINKS, DrivenEffect, Model
 from service.dynamics.driven_parameters import LINK_PARAMETERS
 from service.identification.held_out import NEAR
 from service.identification.scene import Scene
+from service.identification.selection import EXPLAINED, gone
 from service.recording import FloatArray
 
 SHAPES = 2
@@ -50,6 +51,9 @@ ENDED = 1.05
 """RMS up to which a fit need not be begun elsewhere."""
 SHARED = 0.5**0.5
 """What the first of two effects leaves of an RMS that each explains half of the variance of."""
+AS_NEAR = 4.0 / 3.0
+"""How much farther from a few moves one may be and still be looked at again where the best explains nearly all
+(chosen)."""
 DIVIDED = 1.15
 """RMS from which on it is looked for how two gaps divide, which takes long (chosen)."""
 FAR_OFF = 2.0
@@ -58,13 +62,13 @@ fitted to all moves."""
 HARDLY = 0.9
 """How much nearer to a few moves than the present fit the best further effect must come to be looked at again
 (chosen)."""
+WITHIN_REACH = 2.5
+"""RMS on a few moves from which on a further effect does not come to what two effects may leave (chosen)."""
 TOO_MUCH = 4.0
 """RMS of the present model from which on an effect whose fits have many valleys is not searched for: more is missing
 than a split gap."""
 GUIDE = ("coulomb", "viscous")
 """A guide's friction, which a missing gap hardly drives away."""
-PUT_BACK = ("turnover_speed", "turnover_spread", "coulomb", "viscous", "damping_ratio", "smear")
-"""Parameters that a wrong model drives into a corner from which a fit comes back slowly."""
 
 
 @dataclass(frozen=True)
@@ -151,36 +155,27 @@ def unanswering(moves: Sequence[Moves]) -> tuple[Moves, ...]:
 
 def likely(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:
     """Values from which the candidate mostly finds to its best fit: its best shapes on the present model, the first on
-    the machine as the estimator and the smooth fit find it, and what is heard between the moves."""
+    the machine as the estimator and the smooth fit find it, and as what is heard between the moves on all of them."""
     shapes = scored(found, candidate, values_at(found))[:SHAPES]
     if candidate.effect.many_valleys:
         return shapes[:1]
-    at_places = (
-        on_machine(scene.rich, found, candidate, shapes[0]),
-        on_machine(scene.smooth, found, candidate, shapes[0]),
-    )
-    return [*shapes, *at_places, *as_heard(scene, found, candidate)]
+    places = (scene.rich, scene.smooth)
+    at_places = [on_machine(place, found, candidate, shapes[0]) for place in places]
+    if heard := as_heard(scene, candidate):
+        kept = {p.name for p in found.model.parameters}
+        machines = ({k: v for k, v in place.items() if k in kept} for place in (values_at(found), *places))
+        at_places += [{**machine, **heard} for machine in machines]
+    return [*shapes, *at_places]
 
 
-def less_likely(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:
-    """The other places, and the same with the numbers put back that a wrong model drives into a corner."""
-    if candidate.effect.many_valleys:
-        return everywhere(scene, found, candidate)
-    own, kept = own_and_kept(candidate)
-    shape = scored(found, candidate, values_at(found))[0]
-    at_rich = {k: v for k, v in scene.rich.items() if k in kept and not k.endswith(PUT_BACK)}
-    return [
-        on_machine(scene.plain, found, candidate, shape),
-        {k: v for k, v in shape.items() if not k.endswith(PUT_BACK)},
-        at_rich | {k: v for k, v in shape.items() if k in own},
-    ]
-
-
-def on_typical_machine(candidate: Candidate, shape: Values) -> Values:
-    """The effect in a shape on a typical machine, as strong as it may well be where its amounts have one sign: what an
-    effect has done to the numbers of the present model, or of any place without it, may lead nowhere."""
+def on_typical_machine(scene: Scene, candidate: Candidate, shape: Values) -> list[Values]:
+    """The effect in a shape, and as what is heard, on a typical machine, as strong as it may well be where its amounts
+    have one sign: what an effect has done to the numbers of the present model, or of any place without it, may lead
+    nowhere."""
     strong = {p.name: p.spread for p in candidate.effect.parameters if p.dose and p.low >= 0.0}
-    return {p.name: shape[p.name] for p in candidate.effect.parameters} | strong
+    shapes: list[Values] = [{p.name: shape[p.name] for p in candidate.effect.parameters} | strong]
+    heard = as_heard(scene, candidate)
+    return [*shapes, heard] if heard else shapes
 
 
 def on_machine(place: Values, found: Fitted, candidate: Candidate, shape: Values) -> Values:
@@ -196,19 +191,15 @@ def own_and_kept(candidate: Candidate) -> tuple[set[str], set[str]]:
     return {p.name for p in candidate.effect.parameters}, {p.name for p in candidate.model.parameters}
 
 
-def as_heard(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:
-    """An effect that swings as fast as what is heard between the moves: on the machine as it is at every place, and on
-    a typical one, since a wrong model of the machine has gone into the numbers of all others."""
+def as_heard(scene: Scene, candidate: Candidate) -> Values:
+    """An effect that swings as fast as what is heard between the moves."""
     if scene.heard is None or candidate.effect.free_swing is None:
-        return []
+        return {}
     frequency, strong = candidate.effect.free_swing
-    own = {
+    return {
         p.name: {**strong, frequency: scene.heard}.get(p.name.rpartition(".")[2], p.typical)
         for p in candidate.effect.parameters
     }
-    kept = {p.name for p in found.model.parameters}
-    machines: list[Values] = [{}, values_at(found), scene.rich, scene.smooth]
-    return [{**{k: v for k, v in machine.items() if k in kept}, **own} for machine in machines]
 
 
 def everywhere(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:
@@ -281,8 +272,8 @@ def glimpsed(scene: Scene, found: Fitted, candidate: Candidate) -> list[Fitted]:
     glimpses = [fit(few, candidate.model, at, GLIMPSE) for at in starts]
     if candidate.effect.many_valleys:
         return glimpses
-    typical = point_at(candidate.model, on_typical_machine(candidate, values[0]), few)
-    return [*glimpses, fit(few, candidate.model, typical, FROM_AFAR)]
+    typical = [point_at(candidate.model, one, few) for one in on_typical_machine(scene, candidate, values[0])]
+    return [*glimpses, *(fit(few, candidate.model, at, FROM_AFAR) for at in typical)]
 
 
 def looked_at(glimpses: Sequence[Fitted]) -> list[Fitted]:
@@ -307,13 +298,17 @@ def widened(local: Sequence[FloatArray], model: Model) -> tuple[FloatArray, ...]
 def second_look(
     scene: Scene, found: Fitted, at_places: Sequence[Fitted], candidate: Candidate
 ) -> list[Fitted]:
-    """The same from all other starts."""
+    """Fits of a few moves from other starts: the effect's own numbers fitted alone at the scene's places, where no
+    effect has driven the others away yet; of many valleys from all over."""
     few = fewer(found)
-    starts = [point_at(candidate.model, values, few) for values in less_likely(scene, found, candidate)]
-    if not candidate.effect.many_valleys:
+    if candidate.effect.many_valleys:
+        starts = [point_at(candidate.model, values, few) for values in everywhere(scene, found, candidate)]
+    else:
         shapes = min(PLACED if candidate.effect.states else 1, len(candidate.effect.shapes))
-        starts += [placed(place, candidate, k).at for place in at_places for k in range(shapes)]
-    return [fit(few, candidate.model, at, BRIEF) for at in starts]
+        starts = [placed(place, candidate, k).at for place in at_places for k in range(shapes)]
+    if candidate.effect.many_valleys:
+        return [fit(few, candidate.model, at, BRIEF) for at in starts]
+    return better_half_on([fit(few, candidate.model, at, GLIMPSE) for at in starts], BRIEF - GLIMPSE)
 
 
 def best_looks(looks: Sequence[Fitted], found: Fitted, candidate: Candidate) -> list[Brief]:
@@ -322,7 +317,7 @@ def best_looks(looks: Sequence[Fitted], found: Fitted, candidate: Candidate) -> 
     latest = min(brief, key=lambda f: f.rms)
     brief.append(fit(latest.moves, latest.model, latest.at, BRIEF))
     for _ in range(HALVED if candidate.effect.states or candidate.effect.many_valleys else 0):
-        brief = better_half_on(brief)
+        brief = better_half_on(brief, BRIEF)
     best = min(brief, key=lambda f: f.rms)
     other = softer_contact(values_at(best), candidate.model)
     if other:
@@ -338,42 +333,47 @@ def compared(
     taken: Sequence[str] = (),
 ) -> dict[str, list[Brief]]:
     """The best fits of a few moves of every candidate, by name. All are begun; those that are not far off what is
-    nearest, also of what is `known` by its RMS, are looked at, and if they are not as near as a right one comes, a
-    second time from more starts; where one comes as near, only those that come half the way to it. Of many valleys the
-    first look tells little. Where they are out of reach, or hardly nearer, the first look is all."""
+    nearest, also of what is `known` by its RMS, or that may be the right ones, are looked at, and the nearest first, if
+    they are not as near as a right one comes, a second time from more starts; once one explains nearly all, or what is
+    known does, only those that are about as near. Of many valleys the first look tells little. Where they are out of
+    reach, the first look is all; of further effects it is all of each that is hardly nearer than the present fit."""
     looks = {one.name: glimpsed(scene, found, one) for one in library}
     least = min([known, *map(nearest, looks.values())])
-    hopeful = [one for one in library if nearest(looks[one.name]) < FAR_OFF * least]
+    far = AS_NEAR * known if gone(found.rms, known, EXPLAINED) else max(FAR_OFF * least, NEAR)
+    hopeful = [one for one in library if nearest(looks[one.name]) < far]
     looks |= {one.name: looked_at(looks[one.name]) for one in hopeful}
     least = min([known, *map(nearest, looks.values())])
-    far = FAR_OFF * least if least > ENDED else min(FAR_OFF * least, 0.5 * (least + found.rms))
-    if out_of_reach(least, found) or hardly_nearer(least, found, taken):
-        return {one.name: glanced(looks[one.name], found) for one in library}
-    lacking = [one for one in hopeful if ENDED < nearest(looks[one.name]) < far]
-    if least > DIVIDED:
-        lacking += [one for one in library if one.effect.many_valleys and one not in lacking]
-    at_places = grounds(scene, found) if lacking else []
-    for one in lacking:
-        looks[one.name] += second_look(scene, found, at_places, one)
-    followed = [*hopeful, *lacking]
-    return {
-        one.name: best_looks(looks[one.name], found, one)
-        if one in followed
-        else glanced(looks[one.name], found)
-        for one in library
-    }
+    out = {one.name: glanced(looks[one.name], found) for one in library}
+    enough = enough_of_few(found, taken)
+    if out_of_reach(least, found, taken) or least > enough:
+        return out
+    hopeful = [one for one in hopeful if nearest(looks[one.name]) < enough]
+    split = [one for one in library if one.effect.many_valleys and one not in hopeful and least > DIVIDED]
+    places = grounds(scene, found)
+    for one in sorted([*hopeful, *split], key=lambda one: nearest(looks[one.name])):
+        now = nearest(looks[one.name])
+        near = now < (AS_NEAR if gone(found.rms, least, EXPLAINED) else FAR_OFF) * least
+        divided = one.effect.many_valleys and least > DIVIDED
+        if divided or (near and now > ENDED):
+            looks[one.name] += second_look(scene, found, places, one)
+        if divided or near:
+            out[one.name] = best_looks(looks[one.name], found, one)
+            least = min(least, out[one.name][0].rms)
+    return out
 
 
 def out_of_reach(least: float, found: Fitted, taken: Sequence[str] = ()) -> bool:
     """Whether no two effects can explain the moves, by the RMS of the best candidate on a few of them beside the
-    present fit: it is not near, and neither half the way nor the second of them."""
-    return least > NEAR and (len(taken) > 0 or least > SHARED * found.rms)
+    present fit: it is not near, and not half the way either."""
+    if taken:
+        return least > WITHIN_REACH
+    return least > NEAR and least > SHARED * found.rms
 
 
-def hardly_nearer(least: float, found: Fitted, taken: Sequence[str]) -> bool:
-    """Whether the best further effect comes hardly nearer to a few moves than the present fit, which would have to be
-    a quarter nearer for a name."""
-    return len(taken) > 0 and least > HARDLY * on_a_few_moves(found).rms
+def enough_of_few(found: Fitted, taken: Sequence[str]) -> float:
+    """How near to a few moves a further effect must come to be looked at again: it would have to be a quarter nearer
+    than the present fit for a name."""
+    return HARDLY * on_a_few_moves(found).rms if taken else np.inf
 
 
 def on_a_few_moves(found: Fitted) -> Fitted:
@@ -392,11 +392,10 @@ def nearest(fits: Sequence[Fitted]) -> float:
     return min(f.rms for f in fits)
 
 
-def better_half_on(fits: Sequence[Fitted]) -> list[Fitted]:
-    """The better half of the fits continued by as many rounds again (successive halving): what swings is found late,
-    its frequency wanders far."""
+def better_half_on(fits: Sequence[Fitted], rounds: int) -> list[Fitted]:
+    """The better half of the fits continued by so many rounds (successive halving)."""
     ranked = sorted(fits, key=lambda f: f.rms)[: (len(fits) + 1) // 2]
-    return [fit(f.moves, f.model, f.at, BRIEF) for f in ranked]
+    return [fit(f.moves, f.model, f.at, rounds) for f in ranked]
 
 
 def best_of_each_shape(fits: Sequence[Fitted], candidate: Candidate) -> list[Fitted]:

@@ -198,7 +198,8 @@ def select(
     """Add effects one after the other until none is significant and material. It also ends where the truth is only
     ``imitated``.
 
-    ``propose(trial, taken)`` returns the fitted trial of every candidate added to the present model;
+    ``propose(trial, taken)`` returns the fitted trial of every candidate added to the present model, or none where it
+    is known that none will do;
     ``refine`` refits the one that was taken together with those before it; ``challenge(present, best)`` gives
     the present model another chance from where the best candidate ended, so that no effect is named for having
     led the fit out of a poor valley. ``size`` is a model's number of parameters: of effects that come equally near the
@@ -219,6 +220,8 @@ def select(
         if missing(present) <= enough:
             break
         trials = propose(present, taken)
+        if not trials:
+            break
         present = challenge(present, min(trials.values(), key=distance))
         first = first if taken else present
         if missing(present) <= enough:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -15,9 +17,10 @@ from service.backlash.moves_fit import Fitted, Point, every, resting
 from service.captures import read_capture
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_bodies import DrivenHungMass, DrivenMachineBody, free_swing
+from service.dynamics.effects.driven_guide import DrivenCurvedFriction
 from service.dynamics.effects.driven_sensors import DrivenGain
 from service.identification import held_out
-from service.identification.held_out import at_limits
+from service.identification.held_out import no_such_effect
 from service.identification.moves_rests import KNOWN, swinging_on
 
 MACHINE = {
@@ -97,9 +100,9 @@ def test_a_swing_that_the_moves_before_did_not_leave_is_none_of_the_machines_own
     (left_by_it,), _ = swinging_on([moves], model, at, KNOWN[-1])
     near, far = np.zeros(10), np.full(10, 9.0)
     own = ("X1.hung_displacement", "X1.hung_speed")
-    assert at_limits(Fitted(model, (moves,), at, near, every(model))) == own
-    assert at_limits(Fitted(model, (left_by_it,), at, near, every(model))) == ()
-    assert at_limits(Fitted(model, (moves,), at, far, every(model))) == (), (
+    assert no_such_effect(Fitted(model, (moves,), at, near, every(model))) == own
+    assert no_such_effect(Fitted(model, (left_by_it,), at, near, every(model))) == ()
+    assert no_such_effect(Fitted(model, (moves,), at, far, every(model))) == (), (
         "a fit that is far off tells nothing of it"
     )
 
@@ -120,9 +123,9 @@ def test_a_chain_that_no_machine_has_names_nothing(moves: Moves, name: str, u: f
     follows the motor like a light one: a mass at its limit says only that the moves do not tell of it."""
     model = Model(("X1",), 1, (DrivenGain(("X1",)),), "whole_move", ("constant", "skew"), bridge=False)
     at, near = point_at(model, MACHINE | {"X1.gain_error": 0.1}, [moves]), np.zeros(10)
-    assert at_limits(Fitted(model, (moves,), at, near, every(model))) == ()
+    assert no_such_effect(Fitted(model, (moves,), at, near, every(model))) == ()
     at.shared[[p.name for p in model.parameters].index(f"X1.{name}")] = u
-    limits = at_limits(Fitted(model, (moves,), at, near, every(model)))
+    limits = no_such_effect(Fitted(model, (moves,), at, near, every(model)))
     assert limits == ((f"X1.{name}",) if odd else ())
 
 
@@ -133,4 +136,23 @@ def test_an_effect_of_which_there_is_no_amount_is_none(moves: Moves, gain: float
     model = Model(("X1",), 1, (DrivenGain(("X1",)),), "whole_move", ("constant", "skew"), bridge=False)
     at = point_at(model, MACHINE | {"X1.gain_error": gain}, [moves])
     fitted = Fitted(model, (moves,), at, np.zeros(10), every(model))
-    assert at_limits(fitted) == (() if there else ("X1.gain_error",))
+    assert no_such_effect(fitted) == (() if there else ("X1.gain_error",))
+
+
+@pytest.mark.parametrize(("left", "limits"), [(1.0, ()), (1.3, ("X1.curved_power",))])
+def test_a_shape_at_its_limit_is_none_where_nothing_is_left_to_explain(
+    moves: Moves, monkeypatch: pytest.MonkeyPatch, left: float, limits: tuple[str, ...]
+) -> None:
+    """Of friction at the speeds of short moves hardly anything tells its power: a limit there is where the fit ended,
+    and no sign of something else, as long as the longer moves are predicted."""
+    model = Model(
+        ("X1",), 1, (DrivenCurvedFriction(("X1",)),), "whole_move", ("constant", "skew"), bridge=False
+    )
+    at = point_at(model, MACHINE | {"X1.curved_level": 0.4, "X1.curved_power": 4.0}, [moves])
+    errors = np.random.default_rng(2).normal(0.0, 1.0, (10, 1, 200))
+    held = SimpleNamespace(weighed=left * errors / np.std(errors), doubt=1.0)
+    monkeypatch.setattr(held_out, "held_out", lambda *_: held)
+    monkeypatch.setattr(held_out, "no_such_effect", lambda _found: ())
+    found = Fitted(model, (moves,), at, np.full(10, left), every(model))
+    scene = cast(Any, SimpleNamespace(validate=None))
+    assert held_out.trial_of(scene, found).at_limits == limits
