@@ -1,5 +1,5 @@
 """Search for what a model of moves lacks: every effect is refitted as an addition to the model, from the best of its
-starts (``moves_starts``), and judged on moves that were not fitted.
+starts (``moves_starts``, ``moves_looks``), and judged on moves that were not fitted.
 """
 
 from __future__ import annotations
@@ -24,19 +24,21 @@ from service.backlash.moves_fit import (
 )
 from service.dynamics.driven_model import DrivenEffect, Model
 from service.identification.held_out import NEAR, Explained, overdamped, trial_of
+from service.identification.moves_looks import (
+    ENDED,
+    Brief,
+    compared,
+    enough_of_few,
+    noted,
+    out_of_reach,
+)
 from service.identification.moves_rests import KNOWN, how_known, swinging_on, swings_at_all
 from service.identification.moves_starts import (
     BRIEF,
-    ENDED,
-    Brief,
     Candidate,
     candidates,
     chain,
-    compared,
-    enough_of_few,
     fewer,
-    noted,
-    out_of_reach,
     placed,
     unanswering,
     widened,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -11,21 +10,13 @@ import numpy as np
 import pytest
 
 from service.backlash.moves import moves_of
-from service.backlash.moves_fit import Point, fit, reconstructed
+from service.backlash.moves_fit import Point, fit, reconstructed, values_at
 from service.captures import read_capture
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_library import DRIVEN
 from service.identification import moves_search, moves_starts
+from service.identification.moves_looks import Brief
 from service.identification.moves_search import leading, parted
-from service.identification.moves_starts import alike, softer_contact
-
-
-def test_shaft_and_contact_are_exchanged_only_where_the_contact_is_the_stiffer() -> None:
-    model = Model(("X1",), 2)
-    stiff = {"X1.pinion_stiffness": 7e5, "X1.contact_stiffness": 2e6, "X1.coulomb": 0.3}
-    soft = {"X1.pinion_stiffness": 2e6, "X1.contact_stiffness": 7e5, "X1.coulomb": 0.3}
-    assert softer_contact(stiff, model) == soft
-    assert softer_contact(soft, model) is None
 
 
 def test_gear_and_pinion_are_begun_as_soft_and_as_heavy_as_the_drive_they_are_of() -> None:
@@ -45,33 +36,6 @@ def test_no_fit_is_finished_that_is_far_behind_the_best() -> None:
     }
     assert leading(found, 4) == ["b", "a"]
     assert leading(found, 1) == ["b"]
-
-
-@pytest.mark.parametrize(
-    ("least", "present", "taken", "hopeless"),
-    [
-        (3.9, 4.0, (), False),
-        (15.0, 20.0, (), True),
-        (13.0, 20.0, (), False),
-        (13.0, 20.0, ("sensor_gain",), True),
-        (3.0, 20.0, ("sensor_gain",), True),
-        (1.5, 20.0, ("sensor_gain",), False),
-    ],
-)
-def test_a_search_is_given_up_where_no_two_effects_can_explain_the_moves(
-    least: float, present: float, taken: tuple[str, ...], hopeless: bool
-) -> None:
-    assert moves_starts.out_of_reach(least, stub(present), taken) == hopeless
-
-
-def test_every_move_begins_like_the_best_described_one_of_its_direction(monkeypatch: Any) -> None:
-    monkeypatch.setattr(moves_starts, "costs_of_moves", lambda *_: np.array([9.0, 2.0, 1.0, 5.0]))
-    few = SimpleNamespace(s=np.array([-1.0, 1.0, -1.0, 1.0]))
-    local = np.array([[0.1], [0.2], [0.3], [0.4]])
-    found = SimpleNamespace(moves=(few,), at=SimpleNamespace(local=(local,)))
-    every = SimpleNamespace(s=np.array([1.0, -1.0, 1.0]))
-    (own,) = alike(cast(Any, (every,)), cast(Any, found))
-    assert own[:, 0].tolist() == [0.2, 0.3, 0.2]
 
 
 @pytest.mark.parametrize(("heard", "frequencies"), [(None, [30.0]), (9.0, [30.0, 9.0])])
@@ -104,20 +68,6 @@ def test_what_acts_one_way_is_begun_in_the_name_of_each_effect_that_is_alike() -
     assert not DRIVEN["constant_force"](("X1",)).instead({"X1.coulomb": 1.0})
 
 
-def test_a_second_start_is_kept_only_for_another_shape_of_the_effect() -> None:
-    parameters = [SimpleNamespace(name=n, found_again=False) for n in ("coulomb", "frequency")]
-    candidate = SimpleNamespace(
-        model=SimpleNamespace(parameters=parameters), effect=SimpleNamespace(parameters=parameters[1:])
-    )
-
-    def fitted(rms: float, coulomb: float, frequency: float) -> Any:
-        return SimpleNamespace(rms=rms, at=SimpleNamespace(shared=np.array([coulomb, frequency])))
-
-    fits = [fitted(2.5, 0.0, -0.4), fitted(2.2, 0.0, 0.5), fitted(2.3, 3.0, 0.6)]
-    kept = moves_starts.best_of_each_shape(fits, cast(Any, candidate))
-    assert [one.rms for one in kept] == [2.2, 2.5]
-
-
 def stub(rms: float, name: str = "") -> Any:
     model, at = SimpleNamespace(parameters=(), effects=(), lumps=2), SimpleNamespace(local=())
     return cast(Any, SimpleNamespace(rms=rms, moves=("every",), model=model, at=at, name=name))
@@ -141,7 +91,7 @@ def test_a_glance_moves_no_wrong_start_away_but_takes_the_zeros_along(shared_dir
     model = Model(("X1",), 2, held=("constant", "skew"))
     now = fit([moves], model, Point(np.zeros(len(model.parameters)), (np.zeros((len(moves.grids), 2)),)), 3)
     far = tuple(np.full_like(local, 8.0) for local in now.at.local)
-    brief = moves_starts.Brief(model, 9.0, moves_starts.values_at(now), far)
+    brief = Brief(model, 9.0, values_at(now), far)
     assert moves_search.glanced_at(now, brief).rms < 1.05 * now.rms
     lost = fit([moves], model, Point(now.at.shared, far), 0)
     assert lost.rms > 2.0 * now.rms
@@ -308,80 +258,6 @@ def test_a_corner_is_left_over_two_ridges_if_what_lies_behind_is_as_near(
         moves_search, "over_the_ridge", lambda found, _k: first if found is corner else second
     )
     assert moves_search.as_damped(corner) is (second if left else corner)
-
-
-def test_a_second_look_is_for_what_may_still_be_the_best(monkeypatch: Any) -> None:
-    """Not for what is as near as a right one, nor, once one explains nearly all, for what is not about as near; and
-    what is far off at first is not even looked at, unless it may be a right one that begins slowly."""
-    begun = {"right": 1.1, "rival": 1.3, "hopeful": 1.9, "slow": 3.2, "behind": 4.5}
-    nowhere = {"far": 5.0, "farther": 6.0}
-    valleys: set[str] = set()
-    looked: list[str] = []
-    again: list[str] = []
-    second = 1.2
-    fits = {name: [stub(rms, name)] for name, rms in (begun | nowhere).items()}
-    monkeypatch.setattr(moves_starts, "glimpsed", lambda _s, _f, one: fits[one.name])
-    monkeypatch.setattr(
-        moves_starts,
-        "looked_at",
-        lambda f: looked.append(f[0].name) or [stub(round(f[0].rms - 0.1, 1), f[0].name)],
-    )
-    monkeypatch.setattr(
-        moves_starts, "second_look", lambda *args: again.append(args[-1].name) or [stub(second)]
-    )
-    monkeypatch.setattr(moves_starts, "grounds", lambda *_: [])
-    monkeypatch.setattr(moves_starts, "best_looks", lambda looks, *_: sorted(looks, key=lambda one: one.rms))
-    monkeypatch.setattr(moves_starts, "glanced", lambda looks, *_: looks)
-
-    def compared(rms: float, names: Sequence[str] = tuple(begun), known: float = np.inf) -> Any:
-        looked.clear()
-        again.clear()
-        library = [
-            SimpleNamespace(name=name, effect=SimpleNamespace(many_valleys=name in valleys)) for name in names
-        ]
-        found = moves_starts.compared(cast(Any, None), stub(rms), cast(Any, library), known)
-        return {name: [one.rms for one in looks] for name, looks in found.items()}
-
-    near = {"right": [1.0], "rival": [1.2, 1.2], "hopeful": [1.8]}
-    assert compared(3.0) == near | {"slow": [3.1], "behind": [4.5]}
-    assert (looked, again) == (["right", "rival", "hopeful", "slow"], ["rival"])
-    compared(3.0, ("rival", "hopeful"), known=1.02)
-    assert (looked, again) == (["rival"], ["rival"]), "what is known explains nearly all"
-    compared(3.0, ("slow", "hopeful"))
-    assert again == ["hopeful"], "after which one explains nearly all"
-    second = 1.7
-    compared(3.0, ("slow", "hopeful"))
-    assert again == ["hopeful", "slow"]
-    second = 1.2
-    valleys.add("slow")
-    compared(3.0)
-    assert again == ["rival"], "one is as near as a right one comes"
-    compared(3.0, ("slow", "hopeful"))
-    assert again == ["hopeful", "slow"], "of many valleys the first look tells little"
-    valleys.add("farther")
-    assert compared(6.8, tuple(nowhere)) == {"far": [4.9], "farther": [5.9]}
-    assert not again, "where they are out of reach, the first look is all"
-    compared(9.0, tuple(nowhere))
-    assert again == list(nowhere)
-
-
-def test_of_further_effects_only_what_comes_nearer_than_the_present_fit_is_followed(monkeypatch: Any) -> None:
-    monkeypatch.setattr(moves_starts, "on_a_few_moves", lambda _found: stub(2.0))
-    monkeypatch.setattr(moves_starts, "glimpsed", lambda _s, _f, one: [stub(one.begun)])
-    monkeypatch.setattr(moves_starts, "looked_at", lambda fits: fits)
-    monkeypatch.setattr(moves_starts, "second_look", lambda *_: [])
-    monkeypatch.setattr(moves_starts, "grounds", lambda *_: [])
-    monkeypatch.setattr(moves_starts, "best_looks", lambda *_: [stub(1.5, "followed")])
-    monkeypatch.setattr(moves_starts, "glanced", lambda *_: [stub(1.5, "glanced")])
-    library = [
-        SimpleNamespace(name=str(rms), begun=rms, effect=SimpleNamespace(many_valleys=False))
-        for rms in (1.5, 1.9)
-    ]
-    found, scene = stub(2.0), cast(Any, None)
-    first = moves_starts.compared(scene, found, cast(Any, library))
-    further = moves_starts.compared(scene, found, cast(Any, library), taken=("sensor_gain",))
-    assert [looks[0].name for looks in cast(Any, first).values()] == ["followed", "followed"]
-    assert [looks[0].name for looks in cast(Any, further).values()] == ["followed", "glanced"]
 
 
 def test_an_effect_begun_on_the_present_model_changes_nothing(shared_dir: Path) -> None:
