@@ -17,7 +17,7 @@ def row(planted: str, first: str, rivals: list[list[str]] | None = None, name: s
     return {
         "name": name, "source": "s", "planted": planted, "answer": first, "first": first, "rivals": rivals or [],
         "ratio_before": 2.0, "ratio_after": 1.0, "before_um": 3.0, "after_um": 0.1, "axes": 1, "cpu_s": 9.0,
-        "peak_mb": 300.0,
+        "peak_mb": 300.0, "backlash_um": 30.0,
     }  # fmt: skip
 
 
@@ -45,6 +45,27 @@ def test_a_pair_that_is_refused_is_not_right() -> None:
     assert not explain_table.right(refused)
 
 
+@pytest.mark.parametrize(
+    ("backlash", "before", "after", "good"),
+    [
+        (30.0, 3.0, 0.9, True),
+        (30.0, 3.0, 1.1, False),
+        (100.0, 3.0, 1.9, True),
+        (100.0, 15.0, 1.9, False),
+        (100.0, 20.0, 1.9, True),
+    ],
+)
+def test_a_backlash_is_corrected_to_a_micrometre_or_two_percent_and_to_a_tenth_of_a_large_error(
+    backlash: float, before: float, after: float, good: bool
+) -> None:
+    one = row("sensor_gain", "sensor_gain") | {
+        "backlash_um": backlash,
+        "before_um": before,
+        "after_um": after,
+    }
+    assert explain_table.corrected(one) is good
+
+
 def test_the_rates_are_of_the_three_kinds_of_machines(capsys: pytest.CaptureFixture[str]) -> None:
     rows = [row("sensor_gain", "sensor_gain"), row("sensor_gain", "none"), row("clipping", "unknown")]
     explain_table.tabulate([*rows, row("none", "none"), row("none", "none"), row("none", "sensor_bias")])
@@ -52,6 +73,8 @@ def test_the_rates_are_of_the_three_kinds_of_machines(capsys: pytest.CaptureFixt
     assert "in the library: right name     1 of 2, 50.0%" in printed
     assert "outside of it: unknown         1 of 1, 100.0%" in printed
     assert "clean: nothing found           2 of 3, 66.7%" in printed
+    assert "held-out RMS         1 of 1 at most 1.3" in printed
+    assert "backlash after               1 of 1 corrected" in printed
     assert "1 axes: CPU time median 9 s" in printed
 
 
