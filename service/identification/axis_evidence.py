@@ -12,6 +12,10 @@ from service.identification.scene import Scene
 from service.identification.selection import Selection
 from service.recording import FloatArray
 
+MOVES, CHANGES, TELLS = 4, 1.5, 0.8
+"""Least number of moves of which a course is told, how many times the largest residual must be the smallest, and the
+share of the variance between moves that a step or a line must explain to be told (chosen)."""
+
 
 def over_range(scene: Scene, axis: str) -> tuple[str, ...]:
     """What says that an accelerometer was over its range, if this one was."""
@@ -45,6 +49,7 @@ def evidence_of(held: Held, selection: Selection[Explained], finding: Finding, a
         if np.any(held.moves.s == d):
             of = errors[held.moves.s == d]
             lines.append(f"{word} moves: {rms(of):.4g} m/s², mean {float(np.nanmean(of)):.3g}")
+    lines += in_time(errors, held.moves.s)
     lines.append(f"strongest frequency in the residual: {strongest_frequency(errors, held.moves.h):.0f} Hz")
     if len(held.moves.axes) == 2:
         other = held.errors[:, 1 - axis] * held.moves.noise[1 - axis]
@@ -76,6 +81,34 @@ def evidence_of(held: Held, selection: Selection[Explained], finding: Finding, a
     if finding == "unknown" and selection.effects:
         lines.append(f"{', '.join(selection.effects)} explain a part, but not enough to be named")
     return tuple(lines)
+
+
+def in_time(errors: FloatArray, direction: FloatArray) -> tuple[str, ...]:
+    """How the residual (T, K) changes from move to move, each beside those of its direction (T,); nothing where it does
+    not."""
+    size = np.sqrt(np.nanmean(errors**2, axis=1))
+    size = size / [np.mean(size[direction == d]) for d in direction]
+    if len(size) < MOVES or size.max() < CHANGES * size.min():
+        return ()
+    split = [
+        np.abs(size[:k].mean() - size[k:].mean()) * np.sqrt(k * (len(size) - k)) for k in range(1, len(size))
+    ]
+    after = 1 + int(np.argmax(split))
+    stepped = (split[after - 1] / len(size)) ** 2 / np.var(size)
+    along = np.corrcoef(np.arange(len(size)), size)[0, 1]
+    if max(stepped, along**2) < TELLS:
+        return (f"it changes from move to move, up to {size.max() / size.min():.1f} times",)
+    if stepped > along**2:
+        ratio = size[after:].mean() / size[:after].mean()
+        return (
+            f"it changes at once after held-out move {after}, to {ratio:.2g} times: as where a load was taken up or "
+            "set down, or something came loose",
+        )
+    ratio = size[-1] / size[0]
+    return (
+        f"it changes steadily along the recording, to {ratio:.2g} times: as what drifts (a clock, heat), or swings by "
+        "itself and dies away",
+    )
 
 
 def announced(held: Held, axis: int) -> float:

@@ -1,0 +1,41 @@
+"""What is said of a residual beside a verdict."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from service.identification.axis_evidence import in_time
+
+ALTERNATING = np.tile([1.0, -1.0], 5)
+
+
+@pytest.mark.parametrize(
+    ("sizes", "said"),
+    [
+        (np.ones(10), None),
+        (np.tile([1.0, 4.0], 5), None),
+        (np.repeat([1.0, 3.0], [4, 6]), "at once after held-out move 4, to 3 times"),
+        (np.repeat([3.0, 1.0], [7, 3]), "at once after held-out move 7, to 0.33 times"),
+        (np.linspace(1.0, 5.0, 10), "steadily along the recording, to 5"),
+        (np.linspace(4.0, 1.0, 10), "steadily along the recording, to 0.25"),
+        (np.array([1.0, 3.0, 2.0, 1.0, 3.0, 2.5, 1.0, 2.0, 3.0, 1.0]), "from move to move, up to"),
+    ],
+)
+def test_how_a_residual_goes_on_along_a_recording_is_said(sizes: np.ndarray, said: str | None) -> None:
+    """A residual that differs by direction only does not change with time."""
+    errors = sizes[:, None] * np.where(np.arange(400) % 2, 1.0, -1.0)
+    direction = ALTERNATING if said is None else np.ones(10)
+    lines = in_time(errors, direction)
+    assert len(lines) == (said is not None)
+    assert said is None or said in lines[0]
+
+
+def test_a_step_shows_beside_two_directions_too() -> None:
+    sizes = np.repeat([1.0, 2.5], [5, 5]) * np.where(ALTERNATING > 0, 1.0, 2.0)
+    errors = sizes[:, None] * np.where(np.arange(400) % 2, 1.0, -1.0)
+    assert "at once after held-out move 5" in in_time(errors, ALTERNATING)[0]
+
+
+def test_of_few_moves_no_course_is_told() -> None:
+    assert in_time(np.array([[1.0], [9.0], [1.0]]), np.ones(3)) == ()
