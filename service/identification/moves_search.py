@@ -23,7 +23,7 @@ from service.backlash.moves_fit import (
     width,
 )
 from service.dynamics.driven_model import DrivenEffect, Model
-from service.identification.held_out import NEAR, Explained, overdamped, trial_of
+from service.identification.held_out import NEAR, SEARCHED, Explained, overdamped, trial_of
 from service.identification.moves_looks import (
     ENDED,
     Brief,
@@ -35,23 +35,25 @@ from service.identification.moves_looks import (
 from service.identification.moves_rests import KNOWN, how_known, swinging_on, swings_at_all
 from service.identification.moves_starts import (
     BRIEF,
+    GUIDE,
     Candidate,
     candidates,
     chain,
     fewer,
     placed,
+    scored,
     unanswering,
     widened,
 )
 from service.identification.scene import Scene
-from service.identification.selection import UNKNOWN_NUMBERS, Trial
+from service.identification.selection import UNKNOWN_NUMBERS, Trial, distance
 from service.recording import FloatArray
 
 FIRST_ROUNDS, ROUNDS = 6, 12
 PROMISING = 4
 """Effects that are fitted further after a first look at all."""
 FINALISTS = 2
-"""Effects whose fit is finished with the motor's motion reconstructed from it."""
+"""Effects whose fit is finished with the motor's motion reconstructed from it, the nearest to all moves."""
 BEHIND = 1.5
 """How much farther from the moves than the best a fit may be and still be finished (chosen)."""
 MORE, GAIN = 3, 0.005
@@ -257,22 +259,54 @@ def propose(
         nearest = min(brief[candidate.name][0].rms, found[candidate.name].rms)
         found[candidate.name] = seconded(ground, found[candidate.name], candidate, nearest)
     fitted_on(base, found, tried)
+    trials = {name: trial_of(scene, f, thorough=False) for name, f in found.items()}
+    if base.rms < SEARCHED:
+        trials = {c.name: in_best_shape(scene, base, c, trials[c.name]) for c in tried}
     finished: list[str] = []
-    for name in sorted(leading(found, FINALISTS), key=lambda name: swings_at_all(found[name].model)):
-        nearest = min((found[other].rms for other in finished), default=np.inf)
-        if nearest > ENDED or found[name].rms < BEHIND * nearest:
-            found[name] = settled(found[name], ROUNDS)
+    for name in sorted(finalists(trials), key=lambda name: swings_at_all(found[name].model)):
+        nearest = min((trials[other].train_rms for other in finished), default=np.inf)
+        if nearest > ENDED or trials[name].train_rms < BEHIND * nearest:
+            trials[name] = trial_of(scene, settled(trials[name].model.fitted, ROUNDS))
             finished.append(name)
-    trials = {name: trial_of(scene, f, thorough=name in finished) for name, f in found.items()}
-    first = min(finished, key=lambda name: found[name].rms)
+    first = min(finished, key=lambda name: distance(trials[name]))
     return trials | {first: to_the_end(scene, trials[first])}
+
+
+def in_best_shape(
+    scene: Scene, base: Fitted, candidate: Candidate, trial: Trial[Explained]
+) -> Trial[Explained]:
+    """The candidate's trial, or a nearer one of another shape of how friction depends on speed. Where the present fit
+    describes the moves that were fitted, they hardly tell the shape, which shows at other speeds: each is fitted and
+    judged there."""
+    if not candidate.effect.bends_friction or not candidate.effect.shapes:
+        return trial
+    fits = (shaped(base, candidate, shape) for shape in scored(base, candidate, values_at(base)))
+    return min((trial, *(trial_of(scene, f, thorough=False) for f in fits)), key=distance)
+
+
+def shaped(base: Fitted, candidate: Candidate, shape: Values) -> Fitted:
+    """The candidate on all moves, begun with next to nothing of the effect: friction is fitted first, then all but the
+    effect's shape, then all."""
+    model, moves = candidate.model, unanswering(base.moves)
+    names, own = [p.name for p in model.parameters], candidate.effect.parameters
+    amounts = {p.name for p in own if p.dose}
+    nothing = {p.name: 0.01 * p.dose for p in own if p.dose}
+    friction = [k for k, name in enumerate(names) if name in amounts or name.endswith(GUIDE)]
+    all_but_shape = [
+        k for k, name in enumerate(names) if name in amounts or name not in {p.name for p in own}
+    ]
+    at = begun_at(moves, model, {**shape, **nothing}, widened(base.at.local, model))
+    found = fit(moves, model, at, FIRST_ROUNDS, free=np.array(friction))
+    found = fit(moves, model, found.at, ROUNDS, free=np.array(all_but_shape))
+    return fit(moves, model, found.at, ROUNDS)
 
 
 def fitted_on(base: Fitted, found: dict[str, Fitted], tried: Sequence[Candidate]) -> None:
     """The best of the fits continued, then what they contain and what does much the same as the best, begun there.
     Where the present fit describes the moves already, what is missing shows in others, and hardly in how near a fit
     comes: all are continued."""
-    for name in leading(found, PROMISING) if base.rms > ENDED else list(found):
+    nearest = leading({name: one.rms for name, one in found.items()}, PROMISING)
+    for name in nearest if base.rms > ENDED else list(found):
         found[name] = fit(found[name].moves, found[name].model, found[name].at, ROUNDS)
     for candidate in tried:
         for inner in set(candidate.effect.contains) & set(found):
@@ -290,10 +324,17 @@ def to_the_end(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
     return ended(scene, trial) if trial.train_rms < SOUND and astray else trial
 
 
-def leading(found: Mapping[str, Fitted], count: int) -> list[str]:
-    """The names of the best fits, none that is far behind the best."""
-    names = sorted(found, key=lambda name: found[name].rms)[:count]
-    return [name for name in names if found[name].rms <= BEHIND * found[names[0]].rms]
+def leading(found: Mapping[str, float], count: int) -> list[str]:
+    """The names of the nearest, none that is far behind the nearest."""
+    names = sorted(found, key=lambda name: found[name])[:count]
+    return [name for name in names if found[name] <= BEHIND * found[names[0]]]
+
+
+def finalists(trials: Mapping[str, Trial[Explained]]) -> list[str]:
+    """The nearest to all moves, and the nearest to those that were fitted: where a fit has not ended, each may
+    mislead."""
+    by_train = leading({name: trial.train_rms for name, trial in trials.items()}, 1)
+    return list(dict.fromkeys([*leading({n: distance(t) for n, t in trials.items()}, FINALISTS), *by_train]))
 
 
 def ended(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
