@@ -252,24 +252,37 @@ def propose(
         fitted = (refitted(base, fits, enough), *(f for at, f in coupled.items() if at == name))
         found[name] = min(fitted, key=lambda f: f.rms)
         tell(f"tried {name}: {found[name].rms:.3f} (now {base.rms:.3f})")
+    begun_again(base, found, brief, tried)
+    fitted_on(base, found, tried)
+    trials = {name: trial_of(scene, f, thorough=False) for name, f in found.items()}
+    if base.rms < SEARCHED:
+        trials = {c.name: in_best_shape(scene, base, c, trials[c.name]) for c in tried}
+    return finished(scene, trials)
+
+
+def begun_again(
+    base: Fitted, found: dict[str, Fitted], brief: Mapping[str, Sequence[Brief]], tried: Sequence[Candidate]
+) -> None:
+    """All that is far behind the best begun once more from its ground."""
     best = min(found.values(), key=lambda f: f.rms)
     behind = [c for c in tried if best.rms < SECOND * min(base.rms, found[c.name].rms)]
     ground = ground_of(base, best) if behind else base
     for candidate in behind:
         nearest = min(brief[candidate.name][0].rms, found[candidate.name].rms)
         found[candidate.name] = seconded(ground, found[candidate.name], candidate, nearest)
-    fitted_on(base, found, tried)
-    trials = {name: trial_of(scene, f, thorough=False) for name, f in found.items()}
-    if base.rms < SEARCHED:
-        trials = {c.name: in_best_shape(scene, base, c, trials[c.name]) for c in tried}
-    finished: list[str] = []
-    for name in sorted(finalists(trials), key=lambda name: swings_at_all(found[name].model)):
-        nearest = min((trials[other].train_rms for other in finished), default=np.inf)
-        if nearest > ENDED or trials[name].train_rms < BEHIND * nearest:
-            trials[name] = trial_of(scene, settled(trials[name].model.fitted, ROUNDS))
-            finished.append(name)
-    first = min(finished, key=lambda name: distance(trials[name]))
-    return trials | {first: to_the_end(scene, trials[first])}
+
+
+def finished(scene: Scene, trials: Mapping[str, Trial[Explained]]) -> dict[str, Trial[Explained]]:
+    """The trials, those of the finalists with the motor's motion reconstructed from them; what swings comes last, and
+    only if it is not far behind."""
+    out, done = dict(trials), list[str]()
+    for name in sorted(finalists(trials), key=lambda name: swings_at_all(trials[name].model.fitted.model)):
+        nearest = min((out[other].train_rms for other in done), default=np.inf)
+        if nearest > ENDED or out[name].train_rms < BEHIND * nearest:
+            out[name] = trial_of(scene, settled(out[name].model.fitted, ROUNDS))
+            done.append(name)
+    first = min(done, key=lambda name: distance(out[name]))
+    return out | {first: to_the_end(scene, out[first])}
 
 
 def in_best_shape(
@@ -278,7 +291,7 @@ def in_best_shape(
     """The candidate's trial, or a nearer one of another shape of how friction depends on speed. Where the present fit
     describes the moves that were fitted, they hardly tell the shape, which shows at other speeds: each is fitted and
     judged there."""
-    if not candidate.effect.bends_friction or not candidate.effect.shapes:
+    if not candidate.effect.bends_friction:
         return trial
     fits = (shaped(base, candidate, shape) for shape in scored(base, candidate, values_at(base)))
     return min((trial, *(trial_of(scene, f, thorough=False) for f in fits)), key=distance)
@@ -288,13 +301,11 @@ def shaped(base: Fitted, candidate: Candidate, shape: Values) -> Fitted:
     """The candidate on all moves, begun with next to nothing of the effect: friction is fitted first, then all but the
     effect's shape, then all."""
     model, moves = candidate.model, unanswering(base.moves)
-    names, own = [p.name for p in model.parameters], candidate.effect.parameters
-    amounts = {p.name for p in own if p.dose}
-    nothing = {p.name: 0.01 * p.dose for p in own if p.dose}
-    friction = [k for k, name in enumerate(names) if name in amounts or name.endswith(GUIDE)]
-    all_but_shape = [
-        k for k, name in enumerate(names) if name in amounts or name not in {p.name for p in own}
-    ]
+    nothing = {p.name: 0.01 * p.dose for p in candidate.effect.parameters if p.dose}
+    form = {p.name for p in candidate.effect.parameters if not p.dose}
+    names = [p.name for p in model.parameters]
+    friction = [k for k, name in enumerate(names) if name in nothing or name.endswith(GUIDE)]
+    all_but_shape = [k for k, name in enumerate(names) if name not in form]
     at = begun_at(moves, model, {**shape, **nothing}, widened(base.at.local, model))
     found = fit(moves, model, at, FIRST_ROUNDS, free=np.array(friction))
     found = fit(moves, model, found.at, ROUNDS, free=np.array(all_but_shape))

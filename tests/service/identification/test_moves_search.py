@@ -16,7 +16,7 @@ from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_library import DRIVEN
 from service.identification import moves_search, moves_starts
 from service.identification.moves_looks import Brief
-from service.identification.moves_search import leading, parted
+from service.identification.moves_search import finalists, leading, parted
 
 
 def test_gear_and_pinion_are_begun_as_soft_and_as_heavy_as_the_drive_they_are_of() -> None:
@@ -30,12 +30,59 @@ def test_gear_and_pinion_are_begun_as_soft_and_as_heavy_as_the_drive_they_are_of
 
 
 def test_no_fit_is_finished_that_is_far_behind_the_best() -> None:
-    found = {
-        name: cast(Any, SimpleNamespace(rms=rms))
-        for name, rms in (("a", 1.4), ("b", 1.0), ("c", 1.6), ("d", 9.0))
-    }
+    found = {"a": 1.3, "b": 1.0, "c": 1.6, "d": 4.0}
     assert leading(found, 4) == ["b", "a"]
     assert leading(found, 1) == ["b"]
+
+
+def test_those_are_finished_that_are_nearest_to_all_moves_or_to_those_that_were_fitted() -> None:
+    """What comes nearer to the train moves in a wrong valley need not be what acts."""
+    errors = {"body": (4.7, 9.9), "hung": (4.9, 10.2), "friction": (5.4, 4.7), "force": (5.4, 5.3)}
+    trials = {
+        name: cast(Any, SimpleNamespace(train_rms=train, held_rms=held))
+        for name, (train, held) in errors.items()
+    }
+    assert finalists(trials) == ["friction", "force", "body"]
+    trials["friction"].train_rms = 4.5
+    assert finalists(trials) == ["friction", "force"]
+
+
+@pytest.mark.parametrize(("train", "held", "told"), [(0.95, 1.4, 2.0), (0.95, 7.5, 0.3)])
+def test_a_shape_of_friction_that_the_train_moves_do_not_tell_is_judged_on_the_others(
+    monkeypatch: Any, train: float, held: float, told: float
+) -> None:
+    """Where the friction falls off or grows with a power shows at other speeds only."""
+    first = cast(Any, SimpleNamespace(train_rms=0.90, held_rms=6.2, power=0.3))
+    other = cast(Any, SimpleNamespace(train_rms=train, held_rms=held, power=2.0))
+    monkeypatch.setattr(moves_search, "scored", lambda *_: [{"curved_power": 2.0}])
+    monkeypatch.setattr(moves_search, "values_at", lambda _found: {})
+    monkeypatch.setattr(moves_search, "shaped", lambda *_: "fitted")
+    monkeypatch.setattr(moves_search, "trial_of", lambda _s, _f, thorough: other)
+    scene, base = cast(Any, None), stub(1.0)
+    for kind, power in (("curved_friction", told), ("machine_body_mode", 0.3)):
+        candidate = cast(Any, SimpleNamespace(effect=DRIVEN[kind](("X1",))))
+        assert cast(Any, moves_search.in_best_shape(scene, base, candidate, first)).power == power
+
+
+def test_a_shape_is_kept_until_friction_and_machine_are_fitted_to_it(monkeypatch: Any) -> None:
+    freed: list[set[str]] = []
+    begun: list[dict[str, float]] = []
+    candidate = moves_starts.candidates(Model(("X1",), 2), [DRIVEN["curved_friction"]], ())[0]
+    names = [p.name for p in candidate.model.parameters]
+
+    def refit(_moves: Any, _model: Any, _at: Any, _rounds: int, free: Any = None) -> Any:
+        freed.append(set(names) if free is None else {names[k] for k in free})
+        return stub(1.0)
+
+    monkeypatch.setattr(moves_search, "unanswering", lambda moves: moves)
+    monkeypatch.setattr(moves_search, "begun_at", lambda _m, _n, values, _local: begun.append(values))
+    monkeypatch.setattr(moves_search, "widened", lambda *_: None)
+    monkeypatch.setattr(moves_search, "fit", refit)
+    moves_search.shaped(stub(1.0), candidate, {"X1.curved_power": 2.0, "X1.curved_level": 0.5})
+    assert begun[0]["X1.curved_power"] == 2.0
+    assert 0.0 < begun[0]["X1.curved_level"] < 0.01
+    assert freed[0] == {"X1.coulomb", "X1.viscous", "X1.curved_level"}
+    assert freed[1:] == [set(names) - {"X1.curved_power"}, set(names)]
 
 
 @pytest.mark.parametrize(("heard", "frequencies"), [(None, [30.0]), (9.0, [30.0, 9.0])])
