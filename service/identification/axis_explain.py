@@ -13,7 +13,8 @@ from service.dynamics.effects.driven_sensors import DrivenBias
 from service.identification.axis_verdict import LEFT_BY_ONE, verdict
 from service.identification.explanation import AxisExplanation
 from service.identification.held_out import SEARCHED, Explained, trial_of
-from service.identification.moves_search import challenged, ended, propose, settled, without
+from service.identification.moves_end import ended, settled
+from service.identification.moves_search import challenged, propose, without
 from service.identification.scene import Scene, declared_fit, scene_of
 from service.identification.selection import Limits, Selection, Trial, select
 from service.recording import Recording

@@ -19,7 +19,7 @@ import numpy as np
 from service.backlash.model_fit_problem import DIFFERENCE
 from service.backlash.moves import Moves, few_of, predict, residuals, some_of
 from service.backlash.moves_begun import Values, point_at
-from service.backlash.moves_fit import Fitted, Point, fit, values_at, width
+from service.backlash.moves_fit import Fitted, Point, best_of_each, fit, values_at, width
 from service.dynamics.driven_model import LINKS, DrivenEffect, Model
 from service.dynamics.driven_parameters import LINK_PARAMETERS
 from service.identification.scene import Scene
@@ -27,6 +27,8 @@ from service.recording import FloatArray
 
 SHAPES = 2
 """Shapes of an effect from which it is started at each place, the best by the score."""
+ROUNDS = 12
+"""Rounds of a fit of all moves."""
 FEW, BRIEF = 4, 5
 """Moves and rounds with which starts are compared."""
 TOO_MUCH = 4.0
@@ -207,3 +209,11 @@ def added(found: Fitted, candidate: Candidate, values: Values) -> Point:
 def widened(local: Sequence[FloatArray], model: Model) -> tuple[FloatArray, ...]:
     """The moves' own coordinates (T, L) of a model, with those of further effects at their likeliest."""
     return tuple(np.pad(own, ((0, 0), (0, width(model) - own.shape[1]))) for own in local)
+
+
+def begun_at(moves: Sequence[Moves], model: Model, values: Values, *locals_: tuple[FloatArray, ...]) -> Point:
+    """The point with these values and every move's zeros fitted there, from a search and from those given, so that no
+    wrong zero drives the values away."""
+    searched, held = point_at(model, values, moves), np.zeros(0, dtype=np.int64)
+    starts = (searched, *(Point(searched.shared, local) for local in locals_))
+    return best_of_each([fit(moves, model, at, BRIEF, free=held) for at in starts])

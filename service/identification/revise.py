@@ -12,7 +12,9 @@ from service.identification.axis_numbers import backlash_of
 from service.identification.axis_verdict import LEFT
 from service.identification.explanation import CannotExplain
 from service.identification.held_out import trial_of
-from service.identification.moves_search import ROUNDS, ended, propose, settled
+from service.identification.moves_end import ended, settled
+from service.identification.moves_search import propose
+from service.identification.moves_starts import ROUNDS
 from service.identification.scene import declared_fit, scene_of
 from service.recording import Recording
 

@@ -1,0 +1,181 @@
+"""A fit brought to its end: with the motors' motion reconstructed from it until both agree, and out of the corners that
+a wrong model drove it into.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from service.backlash.moves import Moves
+from service.backlash.moves_begun import Values
+from service.backlash.moves_fit import Fitted, Point, fit, reconstructed, values_at
+from service.identification.held_out import NEAR, Explained, overdamped, trial_of
+from service.identification.moves_looks import ENDED
+from service.identification.moves_rests import KNOWN, how_known, swinging_on, swings_at_all
+from service.identification.moves_starts import ROUNDS, begun_at, chain
+from service.identification.scene import Scene
+from service.identification.selection import Trial
+
+MORE, GAIN = 3, 0.005
+"""How often a fit of what swings is continued, each time with the swings that it leaves, and the share of its RMS that
+it must gain to be continued again."""
+TURNS, STEADY = 8, 2.0
+"""How often a fit and the reconstructed motion take turns at the end, and the change of the sum of squares, over the
+noise, from which on they agree (chosen: a standard deviation of one number changes it by one)."""
+SUMMED = (0.05, 0.01)
+"""How long residuals are summed up to those of speed, the longest first [s] (chosen: periods of a contact, and one)."""
+PUT_BACK = ("turnover_speed", "turnover_spread", "coulomb", "viscous", "damping_ratio", "smear")
+"""Parameters that a wrong model drives into a corner from which a fit comes back slowly."""
+CORNERS = 2
+"""How often a fit that stands in a corner has its numbers put back."""
+RIDGE = 0.995
+"""RMS, over that of a fit, from which on another valley is a better one (chosen)."""
+OF_PINION = 1.0 / 3.0
+"""Share of a drive's mass that is begun with as the pinion's (chosen; the fit finds it)."""
+SOUND = 2.0
+"""RMS from which on the declared model is not finished: it lacks something, and is only what is improved on (chosen; up
+to 1.6 it may be called sound)."""
+HOPELESS = NEAR
+"""RMS from which on neither another start nor more rounds nor what still swings makes a fit's effect the right one."""
+AS_WELL = 1.1
+"""How much farther from the moves a fit with a sound damping may be (chosen)."""
+WORSE = 1.02
+"""How much farther from the moves a fit may be that takes from the rests what swings."""
+
+
+def settled(found: Fitted, rounds: int) -> Fitted:
+    """The fit continued with the motors' motion reconstructed from it. One that is not near begins once more with the
+    numbers put back that a wrong model drives into a corner, and if it is far, with the chain put back too."""
+    moves = reconstructed(found)
+    on = fit(moves, found.model, found.at, rounds)
+    if on.rms >= ENDED:
+        on = min(on, put_back(moves, found, rounds), key=lambda f: f.rms)
+    if on.rms >= SOUND:
+        on = min(on, put_back(moves, found, rounds, chain(found.model)), key=lambda f: f.rms)
+    return swung_in(as_damped(on)) if on.rms < HOPELESS else on
+
+
+def put_back(moves: Sequence[Moves], found: Fitted, rounds: int, too: Collection[str] = ()) -> Fitted:
+    """The model of a fit fitted once more with the numbers put back that a wrong model drives into a corner, those of a
+    link that is damped as none is, and what is given `too`, without the axis' name."""
+    odd = tuple(name.removesuffix("damping_ratio") for name in overdamped(found))
+    values = {
+        name: v
+        for name, v in values_at(found).items()
+        if not name.endswith(PUT_BACK) and not name.startswith(odd) and name.rpartition(".")[2] not in too
+    }
+    return fit(moves, found.model, begun_at(moves, found.model, values, found.at.local), rounds)
+
+
+def as_damped(found: Fitted) -> Fitted:
+    """The fit with the damping ratios that no chain has at their typical values, if the moves are described about as
+    well: of a spring so stiff that no sample tells how it swings, any damping is as good. Else they stand in a corner,
+    from which the way back leads over a ridge, and over a second one where the friction came along."""
+    names = overdamped(found)
+    if not names:
+        return found
+    free = np.array([k for k, p in enumerate(found.model.parameters) if p.name not in names])
+    values = {name: v for name, v in values_at(found).items() if name not in names}
+    at = begun_at(found.moves, found.model, values, found.at.local)
+    damped = fit(found.moves, found.model, at, ROUNDS, free=free)
+    if damped.rms < AS_WELL * found.rms:
+        return fit(found.moves, found.model, damped.at, 0)
+    out = found
+    for _ in range(CORNERS):
+        out = over_the_ridge(put_back(out.moves, out, ROUNDS), SUMMED[0])
+    return out if out.rms < AS_WELL * found.rms and not overdamped(out) else found
+
+
+def swung_in(found: Fitted) -> Fitted:
+    """The fit continued, every move beginning as the move before it left what swings, as closely as the moves are
+    described as well."""
+    closer = best = found
+    for known in KNOWN if swings_at_all(found.model) else ():
+        moves, at = swinging_on(closer.moves, found.model, closer.at, min(known, how_known(found.moves)))
+        closer = fit(moves, found.model, at, ROUNDS)
+        best = closer if closer.rms < WORSE * found.rms else best
+    return best
+
+
+def ended(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
+    """The fit of a model that may be the right one, its effects as they are simulated for a value, continued while it
+    gains."""
+    lacks_something = trial.model.fitted.model == scene.declared and trial.train_rms > SOUND
+    if trial.model.ended or lacks_something:
+        return trial
+    best = in_full(trial.model.fitted)
+    more = MORE if swings_at_all(best.model) else 1
+    for _ in range(more if best.rms < HOPELESS else 0):
+        further = settled(best, ROUNDS)
+        gained, best = best.rms - further.rms, min(best, further, key=lambda f: f.rms)
+        if gained < GAIN * best.rms:
+            break
+    best = steady(best)
+    out = trial if best is trial.model.fitted else trial_of(scene, best)
+    return replace(out, model=replace(out.model, ended=True))
+
+
+def steady(found: Fitted) -> Fitted:
+    """The fit continued until it and the motion of the motors that is reconstructed from it agree: each takes the other
+    along, and the numbers that no sample tells by itself, such as the parts of friction, arrive last. Every move may
+    wander as the noise of its speed lets it. A hopeless fit stays what it is."""
+    if found.rms >= HOPELESS:
+        return found
+    white = agreed(whitened(found, True))
+    for lasting in SUMMED:
+        other = over_the_ridge(white, lasting)
+        white = agreed(other) if other.rms < RIDGE * white.rms else white
+    return whitened(white, False)
+
+
+def whitened(found: Fitted, white: bool) -> Fitted:
+    """The fit at the same point, its residuals whitened or not."""
+    moves = [replace(m, white=white) for m in found.moves]
+    return fit(moves, found.model, found.at, 0, free=found.free)
+
+
+def agreed(found: Fitted) -> Fitted:
+    """The fit and the motion of the motors that is reconstructed from it, in turns until they agree."""
+    for turn in range(TURNS):
+        on = fit(reconstructed(found), found.model, found.at, ROUNDS, tolerance=0.05)
+        change, found = abs(float(on.r @ on.r - found.r @ found.r)), on
+        if turn and change < STEADY:
+            break
+    return found
+
+
+def over_the_ridge(found: Fitted, lasting: float) -> Fitted:
+    """The fit begun once more where the loads' *speeds* are described best. A contact that the model meets half a
+    period late lies in another valley of the acceleration; of the speed it is a step, and has a slope from wherever it
+    is met."""
+    of_speed = [replace(m, lasting=lasting) for m in found.moves]
+    begun = fit(of_speed, found.model, found.at, ROUNDS)
+    return fit(found.moves, found.model, begun.at, ROUNDS)
+
+
+def in_full(found: Fitted) -> Fitted:
+    """The fit with its effects as they are simulated for a value, and with gear and pinion apart if it is near."""
+    effects = tuple(effect.refined for effect in found.model.effects)
+    lumps = 2 if found.rms < HOPELESS else found.model.lumps
+    model = replace(found.model, effects=effects, lumps=lumps)
+    if model == found.model:
+        return found
+    values = values_at(found) if lumps == found.model.lumps else parted(values_at(found), model.axes)
+    shared = np.array([float(p.internal(values[p.name])) for p in model.parameters])
+    return fit(found.moves, model, Point(shared, found.at.local), ROUNDS)
+
+
+def parted(values: Values, axes: Sequence[str]) -> Values:
+    """The values with the one mass of every drive as gear and pinion, on two springs that are as soft together."""
+    out = dict(values)
+    for axis in axes:
+        stiffness, mass, damping = (
+            values[f"{axis}.drive_{n}"] for n in ("stiffness", "mass", "damping_ratio")
+        )
+        for link, share in (("gear", 1.0 - OF_PINION), ("pinion", OF_PINION)):
+            out[f"{axis}.{link}_stiffness"], out[f"{axis}.{link}_mass"] = 2.0 * stiffness, share * mass
+            out[f"{axis}.{link}_damping_ratio"] = damping
+    return out

@@ -1,0 +1,142 @@
+"""How a fit is brought to its end."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from service.dynamics.driven_model import Model
+from service.identification import moves_end
+from service.identification.moves_end import parted
+
+
+def stub(rms: float, name: str = "") -> Any:
+    model, at = SimpleNamespace(parameters=(), effects=(), lumps=2), SimpleNamespace(local=())
+    return cast(Any, SimpleNamespace(rms=rms, moves=("every",), model=model, at=at, name=name))
+
+
+def test_gear_and_pinion_are_begun_as_soft_and_as_heavy_as_the_drive_they_are_of() -> None:
+    drive = {"X1.drive_stiffness": 8e5, "X1.drive_mass": 0.06, "X1.drive_damping_ratio": 0.03}
+    both = parted(drive, ("X1",))
+    assert 1.0 / (1.0 / both["X1.gear_stiffness"] + 1.0 / both["X1.pinion_stiffness"]) == pytest.approx(8e5)
+    assert both["X1.gear_mass"] + both["X1.pinion_mass"] == pytest.approx(0.06)
+    assert {p.name for p in Model(("X1",), 2).parameters if "gear" in p.name or "pinion" in p.name} <= set(
+        both
+    )
+
+
+def test_a_declared_model_that_lacks_something_is_not_finished(monkeypatch: Any) -> None:
+    """It is no more than what the effects are compared with."""
+
+    def trial(model: object, rms: float, ended: bool = False) -> Any:
+        explained = SimpleNamespace(fitted=SimpleNamespace(model=model), ended=ended)
+        return SimpleNamespace(model=explained, train_rms=rms)
+
+    def finished(_found: Any) -> Any:
+        raise AssertionError("finished")
+
+    monkeypatch.setattr(moves_end, "in_full", finished)
+    scene = cast(Any, SimpleNamespace(declared="declared"))
+    for one in (trial("declared", 2.5), trial("with an effect", 1.1, ended=True)):
+        assert moves_end.ended(scene, one) is one
+    for one in (trial("declared", 1.5), trial("with an effect", 2.5)):
+        with pytest.raises(AssertionError, match="finished"):
+            moves_end.ended(scene, one)
+
+
+def test_a_fit_goes_on_from_where_it_stands_and_begins_again_only_if_it_is_not_near(monkeypatch: Any) -> None:
+    begun: list[str] = []
+
+    def refit(_moves: Any, _model: Any, at: Any, _rounds: int) -> Any:
+        begun.append("anew" if at == "anew" else "on")
+        return stub(1.9 if at == "anew" else reached)
+
+    monkeypatch.setattr(moves_end, "reconstructed", lambda found: found.moves)
+    monkeypatch.setattr(moves_end, "begun_at", lambda *_: "anew")
+    monkeypatch.setattr(moves_end, "values_at", lambda _found: {})
+    monkeypatch.setattr(moves_end, "overdamped", lambda _found: ())
+    monkeypatch.setattr(moves_end, "fit", refit)
+    reached = 1.0
+    assert moves_end.settled(stub(1.2), 3).rms == 1.0
+    assert begun == ["on"]
+    reached = 3.0
+    assert moves_end.settled(stub(4.0), 3).rms == 1.9
+    assert begun == ["on", "on", "anew"]
+
+
+@pytest.mark.parametrize(("without", "kept"), [(1.15, "sound"), (1.4, "overdamped")])
+def test_damping_that_no_chain_has_is_put_back_where_no_sample_tells_it(
+    monkeypatch: Any, without: float, kept: str
+) -> None:
+    """What tells it is a fit that comes no nearer without it, nor behind the ridges around its corner."""
+    held: list[int] = []
+
+    def refit(_moves: Any, _model: Any, _at: Any, rounds: int, free: Any = None) -> Any:
+        held.extend([] if free is None else sorted({0, 1} - set(free)))
+        return SimpleNamespace(rms=without, at="sound")
+
+    model = SimpleNamespace(
+        parameters=[SimpleNamespace(name=n) for n in ("X1.gear_damping_ratio", "X1.coulomb")]
+    )
+    found = cast(Any, SimpleNamespace(rms=1.1, moves=(), model=model, at=SimpleNamespace(local=())))
+    values = {"X1.gear_damping_ratio": 3.0, "X1.coulomb": 0.3}
+    begun: list[dict[str, float]] = []
+    monkeypatch.setattr(moves_end, "overdamped", lambda _found: ("X1.gear_damping_ratio",))
+    monkeypatch.setattr(moves_end, "values_at", lambda _found: values)
+    monkeypatch.setattr(moves_end, "begun_at", lambda _m, _n, at, *_: begun.append(at))
+    monkeypatch.setattr(moves_end, "fit", refit)
+    monkeypatch.setattr(moves_end, "put_back", lambda _moves, found, _rounds: found)
+    monkeypatch.setattr(moves_end, "over_the_ridge", lambda found, _kept: found)
+    damped = moves_end.as_damped(found)
+    assert (damped is found) == (kept == "overdamped")
+    assert begun == [{"X1.coulomb": 0.3}], "a value that is not given is the typical one"
+    assert held == [0]
+
+
+def test_what_a_wrong_model_drove_away_is_put_back_and_where_it_is_far_the_chain_too(
+    monkeypatch: Any,
+) -> None:
+    names = ("backlash", "coulomb", "contact_stiffness", "gear_stiffness", "gear_mass", "pinion_mass")
+    values = {f"X1.{name}": 1.0 for name in names} | {"body_ratio": 0.3}
+    begun: list[set[str]] = []
+    for odd, again, put_back in (
+        ((), 1.5, [{"coulomb"}]),
+        (("X1.gear_damping_ratio",), 1.5, [{"coulomb", "gear_stiffness", "gear_mass"}]),
+        ((), 3.0, [{"coulomb"}, {"coulomb", "gear_stiffness", "gear_mass", "pinion_mass"}]),
+    ):
+        found = stub(4.5)
+        begun.clear()
+        rms = iter((4.5, again, 1.2))
+        monkeypatch.setattr(moves_end, "overdamped", lambda _found, odd=odd: odd)
+        monkeypatch.setattr(moves_end, "values_at", lambda _found: values)
+        monkeypatch.setattr(moves_end, "reconstructed", lambda _found: ())
+        monkeypatch.setattr(moves_end, "fit", lambda *_, rms=rms: stub(next(rms)))
+        monkeypatch.setattr(moves_end, "begun_at", lambda _m, _n, at, *_: begun.append(set(at)))
+        monkeypatch.setattr(moves_end, "as_damped", lambda found: found)
+        monkeypatch.setattr(moves_end, "swung_in", lambda found: found)
+        settled = moves_end.settled(found, 12)
+        assert [{name.removeprefix("X1.") for name in set(values) - kept} for kept in begun] == put_back
+        assert settled.rms == (again if len(put_back) == 1 else 1.2)
+
+
+@pytest.mark.parametrize(("behind", "left"), [(1.0, True), (1.4, False)])
+def test_a_corner_is_left_over_two_ridges_if_what_lies_behind_is_as_near(
+    monkeypatch: Any, behind: float, left: bool
+) -> None:
+    corner, first, second = stub(1.1), stub(1.8), stub(behind)
+    for one, name in ((corner, "X1.gear_damping_ratio"), (first, "X1.viscous"), (second, "X1.viscous")):
+        one.model, one.at = (
+            SimpleNamespace(parameters=[SimpleNamespace(name=name)]),
+            SimpleNamespace(local=()),
+        )
+    monkeypatch.setattr(
+        moves_end, "overdamped", lambda found: ("X1.gear_damping_ratio",) if found is corner else ()
+    )
+    monkeypatch.setattr(moves_end, "values_at", lambda _found: {})
+    monkeypatch.setattr(moves_end, "begun_at", lambda *_: None)
+    monkeypatch.setattr(moves_end, "fit", lambda *_, **__: stub(2.0))
+    monkeypatch.setattr(moves_end, "put_back", lambda _moves, found, _rounds: found)
+    monkeypatch.setattr(moves_end, "over_the_ridge", lambda found, _k: first if found is corner else second)
+    assert moves_end.as_damped(corner) is (second if left else corner)
