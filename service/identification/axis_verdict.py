@@ -18,7 +18,7 @@ from service.identification.explanation import (
     Parameter,
     Prediction,
 )
-from service.identification.held_out import SEARCHED, Explained, Held, rms
+from service.identification.held_out import SEARCHED, SEEN_AT_REST, Explained, Held, rms
 from service.identification.scene import Scene
 from service.identification.selection import Selection, Trial, explained, gone, left, shown
 from service.recording import FloatArray
@@ -69,9 +69,6 @@ CHANGED = 4.0
 impurities too small to matter leave there is less, and so does what has its right name (chosen)."""
 PART = 0.5
 """Share of the excess variance that has to be explained for a name: less is a part of something else (chosen)."""
-
-SEEN_AT_REST = ("sensor_bias",)
-"""What a zero that wanders while the axis rests is."""
 
 
 def verdict(scene: Scene, selection: Selection[Explained]) -> tuple[AxisExplanation, ...]:

@@ -186,16 +186,17 @@ def begun_again(
 
 
 def finished(scene: Scene, trials: Mapping[str, Trial[Explained]]) -> dict[str, Trial[Explained]]:
-    """The trials, those of the finalists with the motor's motion reconstructed from them; what swings comes last, and
-    only if it is not far behind."""
+    """The trials, those of the finalists with the motor's motion reconstructed from them, and ended if they are near;
+    what swings comes last, and only if it is not far behind."""
     out, done = dict(trials), list[str]()
     for name in sorted(finalists(trials), key=lambda name: swings_at_all(trials[name].model.fitted.model)):
         nearest = min((out[other].train_rms for other in done), default=np.inf)
         if nearest > ENDED or out[name].train_rms < BEHIND * nearest:
             out[name] = trial_of(scene, settled(out[name].model.fitted, ROUNDS))
             done.append(name)
+    near = leading({name: distance(out[name]) for name in done if not out[name].at_limits}, FINALISTS)
     first = min(done, key=lambda name: distance(out[name]))
-    return out | {first: to_the_end(scene, out[first])}
+    return out | {name: to_the_end(scene, out[name]) for name in {first, *near}}
 
 
 def in_best_shape(
@@ -250,8 +251,10 @@ def to_the_end(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
 
 def leading(found: Mapping[str, float], count: int) -> list[str]:
     """The names of the nearest, none that is far behind the nearest."""
-    names = sorted(found, key=lambda name: found[name])[:count]
-    return [name for name in names if found[name] <= BEHIND * found[names[0]]]
+    least = min(found.values(), default=np.inf)
+    return [
+        name for name in sorted(found, key=lambda name: found[name])[:count] if found[name] <= BEHIND * least
+    ]
 
 
 def finalists(trials: Mapping[str, Trial[Explained]]) -> list[str]:

@@ -18,7 +18,7 @@ from service.captures import read_capture
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_bodies import DrivenHungMass, DrivenMachineBody, free_swing
 from service.dynamics.effects.driven_guide import DrivenCurvedFriction
-from service.dynamics.effects.driven_sensors import DrivenGain
+from service.dynamics.effects.driven_sensors import DrivenBias, DrivenGain
 from service.identification import held_out
 from service.identification.held_out import no_such_effect
 from service.identification.moves_rests import KNOWN, swinging_on
@@ -154,5 +154,20 @@ def test_a_shape_at_its_limit_is_none_where_nothing_is_left_to_explain(
     monkeypatch.setattr(held_out, "held_out", lambda *_: held)
     monkeypatch.setattr(held_out, "no_such_effect", lambda _found: ())
     found = Fitted(model, (moves,), at, np.full(10, left), every(model))
-    scene = cast(Any, SimpleNamespace(validate=None))
+    scene = cast(Any, SimpleNamespace(validate=None, zero_wanders=False))
+    assert held_out.trial_of(scene, found).at_limits == limits
+
+
+@pytest.mark.usefixtures("well_known")
+@pytest.mark.parametrize(("wanders", "limits"), [(True, ()), (False, ("X1.bias_drift",))])
+def test_a_zero_that_is_seen_to_wander_at_rest_needs_no_straight_drift(
+    moves: Moves, monkeypatch: pytest.MonkeyPatch, wanders: bool, limits: tuple[str, ...]
+) -> None:
+    """A warm-up that a drift runs against leaves none of it: what there is, is the zero of every step."""
+    model = Model(("X1",), 1, (DrivenBias(("X1",)),), "whole_move", ("constant", "skew"), bridge=False)
+    at = point_at(model, MACHINE | {"X1.bias_drift": 1e-9}, [moves])
+    held = SimpleNamespace(weighed=np.random.default_rng(2).normal(0.0, 1.0, (10, 1, 200)), doubt=1.0)
+    monkeypatch.setattr(held_out, "held_out", lambda *_: held)
+    found = Fitted(model, (moves,), at, np.zeros(10), every(model))
+    scene = cast(Any, SimpleNamespace(validate=None, zero_wanders=wanders))
     assert held_out.trial_of(scene, found).at_limits == limits

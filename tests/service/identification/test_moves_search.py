@@ -37,6 +37,28 @@ def test_those_are_finished_that_are_nearest_to_all_moves_or_to_those_that_were_
     assert finalists(trials) == ["friction", "force"]
 
 
+def test_all_finalists_that_are_near_are_ended_before_one_is_chosen(monkeypatch: Any) -> None:
+    """A force that grows along the travel came nearer than friction that differs by direction, as long as only the
+    nearest was fitted to the end."""
+    errors = {"force": (1.1, 1.5), "friction": (1.0, 2.0), "far": (3.0, 9.0)}
+
+    def trial(name: str, train: float, held: float, limits: tuple[str, ...] = ()) -> Any:
+        fitted = SimpleNamespace(model=name)
+        explained = SimpleNamespace(fitted=fitted)
+        return SimpleNamespace(train_rms=train, held_rms=held, model=explained, at_limits=limits, name=name)
+
+    trials = {name: trial(name, *both) for name, both in errors.items()}
+    monkeypatch.setattr(moves_search, "swings_at_all", lambda _model: False)
+    monkeypatch.setattr(moves_search, "settled", lambda fitted, _rounds: fitted)
+    monkeypatch.setattr(moves_search, "trial_of", lambda _scene, fitted: trials[fitted.model])
+    monkeypatch.setattr(moves_search, "to_the_end", lambda _scene, one: trial(one.name + " ended", 1.0, 1.0))
+    done = moves_search.finished(cast(Any, None), cast(Any, trials))
+    assert [cast(Any, done[name]).name for name in errors] == ["force ended", "friction ended", "far"]
+    trials["friction"].at_limits = ("coulomb_asymmetry",)
+    done = moves_search.finished(cast(Any, None), cast(Any, trials))
+    assert cast(Any, done["friction"]).name == "friction", "what is no such effect is not worth the time"
+
+
 @pytest.mark.parametrize(("train", "held", "told"), [(0.95, 1.4, 2.0), (0.95, 7.5, 0.3)])
 def test_a_shape_of_friction_that_the_train_moves_do_not_tell_is_judged_on_the_others(
     monkeypatch: Any, train: float, held: float, told: float
