@@ -40,6 +40,9 @@ OVERDAMPED = 4.5
 """Standard deviations of their priors above which no damping ratio of a chain is."""
 SURELY = 3.0
 """Standard deviations from which on an amount differs from zero (chosen: of all shapes the best was looked for)."""
+TOLD = KNOWN[-2]
+"""Share of its prior's width within which the move before must tell a swing: the last step asks for more than every
+rest tells (chosen)."""
 SEEN_AT_REST = ("sensor_bias",)
 """What a zero that wanders while the axis rests is: there is such an effect, however little of it is a drift."""
 PARTS = 5
@@ -187,7 +190,7 @@ def no_such_effect(found: Fitted) -> tuple[str, ...]:
     if found.rms > NEAR:
         return ()
     limits = amounts_of_nothing(found)
-    if last.states and how_known(found.moves) > KNOWN[-1]:
+    if last.states and how_known(found.moves) > TOLD:
         limits += tuple(p.name for p in last.nuisance)
     return (*limits, *overdamped(found))
 

@@ -42,7 +42,7 @@ HOPELESS = NEAR
 """RMS from which on neither another start nor more rounds nor what still swings makes a fit's effect the right one."""
 AS_WELL = 1.1
 """How much farther from the moves a fit with a sound damping may be (chosen)."""
-WORSE = 1.05
+WORSE = 1.02
 """How much farther from the moves a fit may be that takes from the rests what swings."""
 
 

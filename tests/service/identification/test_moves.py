@@ -44,7 +44,8 @@ from service.dynamics.effects.driven_library import DRIVEN
 from service.dynamics.effects.driven_transmission import DrivenBentContact, DrivenClearance
 from service.identification.axis_numbers import backlash_of, clearance_beside, unseen_depth
 from service.identification.held_out import held_out, told_by_train
-from service.identification.moves_search import ROUNDS, SUMMED, over_the_ridge, steady
+from service.identification.moves_end import SUMMED, over_the_ridge, steady
+from service.identification.moves_starts import ROUNDS
 from service.identification.scene import ChannelTolerance, as_effects, estimator_alone, smeared
 from service.recording import FloatArray, Recording, Trace
 
