@@ -41,8 +41,8 @@ OVERDAMPED = 4.5
 SURELY = 3.0
 """Standard deviations from which on an amount differs from zero (chosen: of all shapes the best was looked for)."""
 TOLD = KNOWN[-2]
-"""Share of its prior's width within which the move before must tell a swing: the last step asks for more than every
-rest tells (chosen)."""
+"""Share of its prior's width within which the move before must tell a swing (chosen; the last step, a third of it, a
+planted hung mass did not reach)."""
 SEEN_AT_REST = ("sensor_bias",)
 """What a zero that wanders while the axis rests is: there is such an effect, however little of it is a drift."""
 PARTS = 5

@@ -204,7 +204,7 @@ def in_best_shape(
 ) -> Trial[Explained]:
     """The candidate's trial, or a nearer one of another shape of how friction depends on speed. Where the present fit
     describes the moves that were fitted, they hardly tell the shape, which shows at other speeds: each is fitted and
-    judged there."""
+    judged there, so that the held-out moves choose among a few shapes of one effect as they do among effects."""
     if not candidate.effect.bends_friction:
         return trial
     fits = (shaped(base, candidate, shape) for shape in scored(base, candidate, values_at(base)))

@@ -19,6 +19,7 @@ ALTERNATING = np.tile([1.0, -1.0], 5)
         (np.repeat([3.0, 1.0], [7, 3]), "at once after held-out move 7, to 0.33 times"),
         (np.linspace(1.0, 5.0, 10), "steadily along the recording, to 5"),
         (np.linspace(4.0, 1.0, 10), "steadily along the recording, to 0.25"),
+        (1.0 + np.linspace(-1.2, 1.8, 10) ** 2, "from move to move, up to"),
         (np.array([1.0, 3.0, 2.0, 1.0, 3.0, 2.5, 1.0, 2.0, 3.0, 1.0]), "from move to move, up to"),
     ],
 )
