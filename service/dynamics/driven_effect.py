@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
 
+import numpy as np
+
 from service.dynamics.driven_parameters import Parameter, Structure, Values
 from service.dynamics.driven_propagation import LinearSystem
 from service.recording import FloatArray
@@ -63,7 +65,7 @@ class DrivenEffect:
     states : how many states it adds, positions each followed by its speed; they start at zero
     gaps : how many gaps it adds; motions : how many input motions; curves : how many forces given as curves
     bends_friction : it adds to a guide's tabulated friction
-    many_valleys : its fits end in many places: no score ranks its shapes, a fit is started from all
+    many_valleys : its fits end in many places: no score ranks its shapes, and fits begin where its numbers are `varied`
     contains : effects that it becomes when some of its amounts are zero
     nearly : effects whose law is the same but for what little of a recording tells, such as quick motion
     free_swing : of an effect that swings on while the axis rests the parameter that is its frequency, and how strong it
@@ -108,6 +110,13 @@ class DrivenEffect:
 
     def traded(self, values: Mapping[str, float]) -> Mapping[str, float]:
         """Values of a whole model at a start, with what the effect takes over from the declared model taken off."""
+        return values
+
+    def varied(
+        self, values: Mapping[str, float], wide: float, rng: np.random.Generator
+    ) -> Mapping[str, float]:
+        """Values of a whole model at random about these, `wide` in their logarithms, in what decides in which of many
+        valleys a fit ends."""
         return values
 
     def instead(self, values: Mapping[str, float]) -> Mapping[str, float]:

@@ -18,7 +18,7 @@ from service.identification.explanation import (
     Parameter,
     Prediction,
 )
-from service.identification.held_out import SEARCHED, SEEN_AT_REST, Explained, Held, rms
+from service.identification.held_out import DESCRIBED, SEEN_AT_REST, Explained, Held, rms
 from service.identification.scene import Scene
 from service.identification.selection import Selection, Trial, explained, gone, left, shown
 from service.recording import FloatArray
@@ -115,7 +115,7 @@ def finding_of(
     alone = len(effects) == 1 and explained(before, after)
     if not _matters(selection):
         seen = max(before.train_rms, before.validation_rms) > SMALL
-        uncommon = not _common(selection) and left(before) > SEARCHED
+        uncommon = not _common(selection) and left(before) > DESCRIBED
         clearly = after.validation_rms <= LEFT_BY_CLEAN and explained(before, after, CLEARLY)
         clear = effects == seen_at_rest or (uncommon and len(effects) == 1 and clearly)
         if _little(before) and not (alone and seen) and not clear:

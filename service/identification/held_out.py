@@ -34,8 +34,11 @@ EARLY = 0.45
 """Share of a held-out move in which its zeros are found again; the backlash pass comes after it."""
 NEAR = 4.0
 """RMS below which a fit may be the right one; only then its numbers tell of the machine."""
-SEARCHED = 1.15
-"""RMS that shows from which on what is missing is searched for (chosen)."""
+SEARCHED = 1.03
+"""RMS that shows from which on what is missing is searched for (chosen: a few parts in a hundred of some thousand
+samples are no chance, and a second gap leaves no more)."""
+DESCRIBED = 1.15
+"""RMS up to which a fit describes its moves: impurities too small to matter leave as much (chosen)."""
 OVERDAMPED = 4.5
 """Standard deviations of their priors above which no damping ratio of a chain is."""
 SURELY = 3.0
@@ -171,14 +174,14 @@ def trial_of(scene: Scene, found: Fitted, thorough: bool = True) -> Trial[Explai
         independent_samples(flat),
         held.doubt,
     )
-    shape = shapes_at_limits(found) if shown(trial) > SEARCHED else ()
+    shape = shapes_at_limits(found) if shown(trial) > DESCRIBED else ()
     seen = scene.zero_wanders and found.model.effects[-1].name in SEEN_AT_REST
     return replace(trial, at_limits=(*shape, *(() if seen else no_such_effect(found))))
 
 
 def shapes_at_limits(found: Fitted) -> tuple[str, ...]:
     """Numbers that shape the last effect, by name, that stand at a limit: what needs a shape that no such effect has is
-    something else, unless it leaves nothing to be searched for."""
+    something else, unless it leaves next to nothing."""
     return tuple(p.name for p in found.model.effects[-1].parameters if p.at_limit(found.value(p.name)))
 
 

@@ -11,23 +11,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from service.backlash.moves import Moves, few_of
+from service.backlash.moves import Moves
 from service.backlash.moves_begun import Values, point_at
-from service.backlash.moves_fit import Fitted, Point, costs_of_moves, fit, values_at
+from service.backlash.moves_fit import Fitted, costs_of_moves, fit, values_at
 from service.dynamics.driven_model import LINKS, Model
-from service.identification.held_out import NEAR
+from service.identification.held_out import DESCRIBED, NEAR
 from service.identification.moves_starts import (
     BRIEF,
-    FEW,
     Candidate,
     added,
-    everywhere,
     fewer,
     grounds,
     likely,
+    on_a_few_moves,
     on_typical_machine,
     placed,
 )
+from service.identification.moves_valleys import valleys
 from service.identification.scene import Scene
 from service.identification.selection import EXPLAINED, gone
 from service.recording import FloatArray
@@ -49,8 +49,8 @@ AS_NEAR = 4.0 / 3.0
 (chosen)."""
 ENDED = 1.05
 """RMS up to which a fit need not be begun elsewhere."""
-DIVIDED = 1.15
-"""RMS from which on it is looked for how two gaps divide, which takes long (chosen)."""
+VALLEYS = 4
+"""How many fits of an effect with many valleys are fitted to all moves."""
 SHARED = 0.5**0.5
 """What the first of two effects leaves of an RMS that each explains half of the variance of."""
 HARDLY = 0.9
@@ -91,8 +91,9 @@ def compared(
     """The best fits of a few moves of every candidate, by name. All are begun; those that are not far off what is
     nearest, also of what is `known` by its RMS, or that may be the right ones, are looked at, and the nearest first, if
     they are not as near as a right one comes, a second time from more starts; once one explains nearly all, or what is
-    known does, only those that are about as near. Of many valleys the first look tells little. Where they are out of
-    reach, the first look is all; of further effects it is all of each that is hardly nearer than the present fit."""
+    known does, only those that are about as near. Where the present fit describes the moves, it is no bad start, and no
+    other is tried; of many valleys the first look tells little even there. Where they are out of reach, the first look
+    is all; of further effects it is all of each that is hardly nearer than the present fit."""
     looks = {one.name: glimpsed(scene, found, one) for one in library}
     least = min([known, *map(nearest, looks.values())])
     far = AS_NEAR * known if gone(found.rms, known, EXPLAINED) else max(FAR_OFF * least, NEAR)
@@ -104,13 +105,14 @@ def compared(
     if out_of_reach(least, found, taken) or least > enough:
         return out
     hopeful = [one for one in hopeful if nearest(looks[one.name]) < enough]
-    split = [one for one in library if one.effect.many_valleys and one not in hopeful and least > DIVIDED]
+    split = [one for one in library if one.effect.many_valleys and one not in hopeful]
     places = grounds(scene, found)
     for one in sorted([*hopeful, *split], key=lambda one: nearest(looks[one.name])):
         now = nearest(looks[one.name])
-        near = now < (AS_NEAR if gone(found.rms, least, EXPLAINED) else FAR_OFF) * least
-        divided = one.effect.many_valleys and least > DIVIDED
-        if divided or (near and now > ENDED):
+        all_but_gone = gone(found.rms, least, EXPLAINED)
+        near = now < (AS_NEAR if all_but_gone else FAR_OFF) * least
+        divided = one.effect.many_valleys and (found.rms < DESCRIBED or not all_but_gone)
+        if divided or (near and now > ENDED and found.rms > DESCRIBED):
             looks[one.name] += second_look(scene, found, places, one)
         if divided or near:
             out[one.name] = best_looks(looks[one.name], found, one)
@@ -124,7 +126,7 @@ def glimpsed(scene: Scene, found: Fitted, candidate: Candidate) -> list[Fitted]:
     values = likely(scene, found, candidate)
     starts = [added(found, candidate, values[0]), *(point_at(candidate.model, one, few) for one in values)]
     glimpses = [fit(few, candidate.model, at, GLIMPSE) for at in starts]
-    if candidate.effect.many_valleys:
+    if candidate.effect.many_valleys or found.rms < DESCRIBED:
         return glimpses
     typical = [point_at(candidate.model, one, few) for one in on_typical_machine(scene, candidate, values[0])]
     return [*glimpses, *(fit(few, candidate.model, at, FROM_AFAR) for at in typical)]
@@ -144,8 +146,7 @@ def second_look(
     effect has driven the others away yet; of many valleys from all over."""
     few = fewer(found)
     if candidate.effect.many_valleys:
-        starts = [point_at(candidate.model, values, few) for values in everywhere(scene, found, candidate)]
-        return [fit(few, candidate.model, at, BRIEF) for at in starts]
+        return valleys(scene, found, candidate)
     shapes = min(PLACED if candidate.effect.states else 1, len(candidate.effect.shapes))
     starts = [placed(place, candidate, k).at for place in at_places for k in range(shapes)]
     return better_half_on([fit(few, candidate.model, at, GLIMPSE) for at in starts], BRIEF - GLIMPSE)
@@ -156,13 +157,14 @@ def best_looks(looks: Sequence[Fitted], found: Fitted, candidate: Candidate) -> 
     brief = list(looks)
     latest = min(brief, key=lambda f: f.rms)
     brief.append(fit(latest.moves, latest.model, latest.at, BRIEF))
-    for _ in range(HALVED if candidate.effect.states or candidate.effect.many_valleys else 0):
+    for _ in range(HALVED if candidate.effect.states else 0):
         brief = better_half_on(brief, BRIEF)
     best = min(brief, key=lambda f: f.rms)
     other = softer_contact(values_at(best), candidate.model)
     if other:
         brief.append(fit(best.moves, candidate.model, point_at(candidate.model, other, best.moves), BRIEF))
-    return [noted(one, found.moves) for one in best_of_each_shape(brief, candidate)[:2]]
+    kept = VALLEYS if candidate.effect.many_valleys else 2
+    return [noted(one, found.moves) for one in best_of_each_shape(brief, candidate)[:kept]]
 
 
 def softer_contact(values: Values, model: Model) -> Values | None:
@@ -215,9 +217,3 @@ def enough_of_few(found: Fitted, taken: Sequence[str]) -> float:
     """How near to a few moves a further effect must come to be looked at again: it would have to be a quarter nearer
     than the present fit for a name."""
     return HARDLY * on_a_few_moves(found).rms if taken else np.inf
-
-
-def on_a_few_moves(found: Fitted) -> Fitted:
-    """The present fit, fitted to a few moves as candidates are."""
-    own = found.at.local[0][few_of(found.moves[0], FEW)]
-    return fit(fewer(found), found.model, Point(found.at.shared, (own,)), BRIEF)

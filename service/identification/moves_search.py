@@ -16,12 +16,13 @@ from service.backlash.moves_fit import (
     Point,
     best_of_each,
     fit,
+    reconstructed,
     rests_found,
     values_at,
     width,
 )
 from service.dynamics.driven_model import DrivenEffect
-from service.identification.held_out import SEARCHED, Explained, trial_of
+from service.identification.held_out import DESCRIBED, Explained, trial_of
 from service.identification.moves_end import HOPELESS, SOUND, ended, settled
 from service.identification.moves_looks import (
     ENDED,
@@ -91,13 +92,16 @@ def carried(found: Fitted, brief: Brief, rounds: int) -> Fitted:
     return fit(moves, brief.model, at, rounds)
 
 
-def refitted(found: Fitted, brief: Sequence[Brief], enough: float) -> Fitted:
-    """The candidate on all moves, from the best of its fits of a few. One that is not near `enough` there is only
-    looked at."""
+def refitted(found: Fitted, brief: Sequence[Brief], enough: float) -> list[Fitted]:
+    """The candidate on all moves, from the best of its fits of a few, the nearest first; of an effect with many valleys
+    one in each, with the motor's motion that it makes, for how near a few moves come says little of them. One that is
+    not near `enough` is only looked at."""
     if brief[0].rms > enough:
-        return glanced_at(found, brief[0])
-    best = [one for one in brief if brief[0].rms > RIVAL * one.rms]
-    return min((carried(found, one, FIRST_ROUNDS) for one in best), key=lambda f: f.rms)
+        return [glanced_at(found, brief[0])]
+    fits = [carried(found, one, FIRST_ROUNDS) for one in brief if brief[0].rms > RIVAL * one.rms]
+    if fits[0].model.effects[-1].many_valleys:
+        return sorted((fit(reconstructed(f), f.model, f.at, ROUNDS) for f in fits), key=lambda f: f.rms)
+    return [min(fits, key=lambda f: f.rms)]
 
 
 def bridges(candidate: Candidate) -> bool:
@@ -158,17 +162,21 @@ def propose(
     if out_of_reach(least, base):
         ranked = sorted(brief, key=lambda name: brief[name][0].rms)[:PROMISING]
         return {
-            name: trial_of(scene, refitted(base, brief[name], BEHIND * least), thorough=False)
+            name: trial_of(scene, refitted(base, brief[name], BEHIND * least)[0], thorough=False)
             for name in ranked
         }
+    others: dict[str, list[Fitted]] = {}
     for name, fits in brief.items():
-        fitted = (refitted(base, fits, enough), *(f for at, f in coupled.items() if at == name))
-        found[name] = min(fitted, key=lambda f: f.rms)
+        first, *others[name] = refitted(base, fits, enough)
+        found[name] = min((first, *(f for at, f in coupled.items() if at == name)), key=lambda f: f.rms)
         tell(f"tried {name}: {found[name].rms:.3f} (now {base.rms:.3f})")
     begun_again(base, found, brief, tried)
     fitted_on(base, found, tried)
-    trials = {name: trial_of(scene, f, thorough=False) for name, f in found.items()}
-    if base.rms < SEARCHED:
+    trials = {
+        name: min((trial_of(scene, one, thorough=False) for one in (f, *others[name])), key=distance)
+        for name, f in found.items()
+    }
+    if base.rms < DESCRIBED:
         trials = {c.name: in_best_shape(scene, base, c, trials[c.name]) for c in tried}
     return finished(scene, trials)
 

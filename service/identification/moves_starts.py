@@ -22,6 +22,7 @@ from service.backlash.moves_begun import Values, point_at
 from service.backlash.moves_fit import Fitted, Point, best_of_each, fit, values_at, width
 from service.dynamics.driven_model import LINKS, DrivenEffect, Model
 from service.dynamics.driven_parameters import LINK_PARAMETERS
+from service.identification.held_out import DESCRIBED
 from service.identification.scene import Scene
 from service.recording import FloatArray
 
@@ -115,17 +116,26 @@ def fewer(found: Fitted) -> tuple[Moves, ...]:
     return tuple(some_of(part, FEW) for part in unanswering(found.moves)[:1])
 
 
+def on_a_few_moves(found: Fitted) -> Fitted:
+    """The present fit, fitted to a few moves as candidates are."""
+    own = found.at.local[0][few_of(found.moves[0], FEW)]
+    return fit(fewer(found), found.model, Point(found.at.shared, (own,)), BRIEF)
+
+
 def unanswering(moves: Sequence[Moves]) -> tuple[Moves, ...]:
     """The moves with a motion that does not answer to the force: quicker, and good enough for comparing effects."""
     return tuple(replace(part, echoes=(), reference=None) for part in moves)
 
 
 def likely(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:
-    """Values from which the candidate mostly finds to its best fit: its best shapes on the present model, the first on
-    the machine as the estimator and the smooth fit find it, and as what is heard between the moves on all of them."""
+    """Values from which the candidate mostly finds to its best fit: its best shapes on the present model, and, unless
+    that describes the moves and so is not far from the machine, the first on the machine as the estimator and the
+    smooth fit find it, and as what is heard between the moves on all of them."""
     shapes = scored(found, candidate, values_at(found))[:SHAPES]
     if candidate.effect.many_valleys:
         return shapes[:1]
+    if found.rms < DESCRIBED:
+        return shapes
     places = (scene.rich, scene.smooth)
     at_places = [on_machine(place, found, candidate, shapes[0]) for place in places]
     if heard := as_heard(scene, candidate):
@@ -170,18 +180,19 @@ def as_heard(scene: Scene, candidate: Candidate) -> Values:
 
 
 def everywhere(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:
-    """All shapes at the present fit and at the estimator's, with the chain between motor and flanks put back, since
-    what was not in the model has gone into its masses and springs; and on a typical machine with the present friction.
-    None where more is missing than the effect can do."""
+    """All shapes at the present fit; there and at the estimator's with the chain between motor and flanks put back,
+    since what was not in the model may have gone into its masses and springs; and on a typical machine with the present
+    friction. None where more is missing than the effect can do."""
     present, effect = values_at(found), candidate.effect
     if found.rms > TOO_MUCH:
         return []
     kept = {
         p.name for p in candidate.model.parameters if p.name.rpartition(".")[2] not in chain(candidate.model)
     }
-    places = [{k: v for k, v in place.items() if k in kept} for place in (present, scene.rich)]
+    places: list[Values] = [present]
+    places += [{k: v for k, v in place.items() if k in kept} for place in (present, scene.rich)]
     places.append({k: v for k, v in present.items() if k.endswith(("backlash", *GUIDE))})
-    return [dict(effect.traded(place | dict(start))) for place in places for start in effect.starts]
+    return [dict(effect.traded({**place, **start})) for place in places for start in effect.starts]
 
 
 def chain(model: Model) -> set[str]:

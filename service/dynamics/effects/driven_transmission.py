@@ -30,6 +30,8 @@ trace above the noise; twice as many change no likelihood any more."""
 
 BOTH = 1e-4
 """The two gaps together for which the shapes of a clearance are given [m]."""
+LEAST_SHARE = 0.03
+"""Share of the two gaps that either has at least, where they are divided anew."""
 CREEP = 5e-4
 """Speed below which a pinion creeps in its bearings [m/s], about."""
 
@@ -38,8 +40,9 @@ CREEP = 5e-4
 class DrivenClearance(DrivenEffect):
     """A second gap in series, in the link before the pinion; the chain needs a lump between the two gaps.
 
-    While both gaps are open, nothing but the friction of its bearings acts on the pinion: `pinion_friction`, per moved
-    mass as all forces are, slows it by some m/s² then, which decides where in its two gaps it is met again.
+    While both gaps are open, nothing but the friction of its bearings acts on the pinion: `pinion_friction` and
+    `pinion_viscous`, per moved mass as all forces are, slow it by some m/s² then, which decides where in its two gaps
+    it is met again.
     """
 
     name: ClassVar[str] = "gearbox_clearance"
@@ -47,6 +50,7 @@ class DrivenClearance(DrivenEffect):
     own: ClassVar[tuple[Parameter, ...]] = (
         Parameter("clearance", "m", 0.0, 3e-5, logarithmic=False, low=0.0, high=3e-4),
         Parameter("pinion_friction", "m/s²", 0.03, 1.0),
+        Parameter("pinion_viscous", "1/s", 0.03, 1.0),
     )
     own_nuisance: ClassVar[tuple[Parameter, ...]] = (
         Parameter("pinion_rest", "m", 0.0, 3e-5, logarithmic=False, found_again=True),
@@ -55,6 +59,15 @@ class DrivenClearance(DrivenEffect):
         {"clearance": share * BOTH} for share in (0.1, 0.25, 0.4, 0.55, 0.7, 0.85)
     )
     many_valleys: ClassVar[bool] = True
+    met: ClassVar[tuple[str, ...]] = (
+        "pinion_mass",
+        "pinion_stiffness",
+        "drive_mass",
+        "drive_stiffness",
+        "pinion_friction",
+        "pinion_viscous",
+    )
+    """What decides, beside the gaps, where in them the pinion is met."""
 
     def traded(self, values: Mapping[str, float]) -> Mapping[str, float]:
         """A model without it takes both gaps for one, which is split as a shape's are."""
@@ -70,14 +83,33 @@ class DrivenClearance(DrivenEffect):
         half = {f"{axis}.pinion_rest": 0.5 * values[f"{axis}.clearance"] for axis in self.axes}
         return half, {name: -value for name, value in half.items()}
 
+    def varied(
+        self, values: Mapping[str, float], wide: float, rng: np.random.Generator
+    ) -> Mapping[str, float]:
+        """The two gaps otherwise divided, and the pinion otherwise met."""
+        out = dict(values)
+        for axis in self.axes:
+            both = values[f"{axis}.clearance"] + values[f"{axis}.backlash"]
+            clearance = values[f"{axis}.clearance"] * np.exp(wide * rng.standard_normal())
+            out[f"{axis}.clearance"] = float(
+                np.clip(clearance, LEAST_SHARE * both, (1.0 - LEAST_SHARE) * both)
+            )
+            out[f"{axis}.backlash"] = both - out[f"{axis}.clearance"]
+            for name in (f"{axis}.{name}" for name in self.met):
+                if name in out:
+                    out[name] *= float(np.exp(wide * rng.standard_normal()))
+        return out
+
     @property
     def gaps(self) -> int:
         return 2 * len(self.axes)
 
     def begin(self, x0: FloatArray, case: Case, room: Room) -> None:
-        """The pinion rests anywhere between the two gaps."""
+        """The pinion rests anywhere between the two gaps, and the load where it is said to rest beside it."""
         for k, _, x in self.each(case.model):
-            x0[..., case.model.load(x) - 2] += case.nuisance[..., k]
+            load = case.model.load(x)
+            x0[..., load - 2] += case.nuisance[..., k]
+            x0[..., load] += case.nuisance[..., k]
 
     def assemble(self, system: LinearSystem, case: Case, room: Room) -> None:
         """The link's spring and damper are taken out and put back as two flanks."""
@@ -97,6 +129,7 @@ class DrivenClearance(DrivenEffect):
                 push[:, at + 1] = sign / masses[body]
                 if body:
                     push[:, before + 1] = -sign / masses[body - 1]
+            system.A[:, at + 1, at + 1] -= case.values[f"{axis}.pinion_viscous"] / masses[body]
             rubs = bearing(system, at + 1, case.values[f"{axis}.pinion_friction"], masses[body])
             add_corner(system, rubs, 1.0, np.full(len(system.A), CREEP), gap + 1)
 

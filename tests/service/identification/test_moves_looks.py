@@ -110,15 +110,18 @@ def test_a_second_look_is_for_what_may_still_be_the_best(monkeypatch: Any) -> No
     second = 1.7
     compared(3.0, ("slow", "hopeful"))
     assert again == ["hopeful", "slow"]
+    compared(1.1, ("rival", "hopeful"))
+    assert not again, "where nothing drives a fit away another start is no better"
+    valleys.add("behind")
+    compared(3.0, ("behind", "hopeful"))
+    assert again == ["hopeful", "behind"], "of many valleys the first look tells little"
     second = 1.2
-    valleys.add("slow")
-    compared(3.0)
-    assert again == ["rival"], "one is as near as a right one comes"
-    compared(3.0, ("slow", "hopeful"))
-    assert again == ["hopeful", "slow"], "of many valleys the first look tells little"
+    compared(3.0, ("behind", "hopeful"))
+    assert again == ["hopeful"], "one explains nearly all"
     valleys.add("farther")
     assert compared(6.8, tuple(nowhere)) == {"far": [4.9], "farther": [5.9]}
     assert not again, "where they are out of reach, the first look is all"
+    second = 3.5
     compared(9.0, tuple(nowhere))
     assert again == list(nowhere)
 

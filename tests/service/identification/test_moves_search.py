@@ -128,7 +128,8 @@ def test_what_acts_one_way_is_begun_in_the_name_of_each_effect_that_is_alike() -
 
 
 def stub(rms: float, name: str = "") -> Any:
-    model, at = SimpleNamespace(parameters=(), effects=(), lumps=2), SimpleNamespace(local=())
+    effects = (SimpleNamespace(many_valleys=False),)
+    model, at = SimpleNamespace(parameters=(), effects=effects, lumps=2), SimpleNamespace(local=())
     return cast(Any, SimpleNamespace(rms=rms, moves=("every",), model=model, at=at, name=name))
 
 
@@ -138,10 +139,23 @@ def test_a_candidate_far_from_a_few_moves_is_not_fitted_to_all(monkeypatch: Any)
     monkeypatch.setattr(moves_search, "carried", lambda _moves, brief, n: rounds.append(n) or stub(brief.rms))
     monkeypatch.setattr(moves_search, "glanced_at", lambda _found, brief: brief)
     near, far = [stub(1.5), stub(3.0)], [stub(4.0), stub(4.1)]
-    assert moves_search.refitted(stub(6.0), far, 1.5) is far[0]
+    assert moves_search.refitted(stub(6.0), far, 1.5) == far[:1]
     assert not rounds
     moves_search.refitted(stub(6.0), near, 1.5)
     assert rounds == [moves_search.FIRST_ROUNDS]
+
+
+def test_of_an_effect_with_many_valleys_a_fit_in_each_is_judged(monkeypatch: Any) -> None:
+    """How near a few moves come, with the motor's motion that the present fit makes, says little of them."""
+    ended = {1.5: 1.2, 1.6: 1.0, 1.7: 1.1}
+    monkeypatch.setattr(moves_search, "carried", lambda _moves, brief, _rounds: brief)
+    monkeypatch.setattr(moves_search, "reconstructed", lambda f: f.rms)
+    monkeypatch.setattr(moves_search, "fit", lambda rms, *_: stub(ended[rms]))
+    near = [stub(rms) for rms in (*ended, 3.0)]
+    assert [f.rms for f in moves_search.refitted(stub(6.0), near, 2.0)] == [1.5]
+    for one in near:
+        one.model.effects = (SimpleNamespace(many_valleys=True),)
+    assert [f.rms for f in moves_search.refitted(stub(6.0), near, 2.0)] == [1.0, 1.1, 1.2]
 
 
 def test_a_glance_moves_no_wrong_start_away_but_takes_the_zeros_along(shared_dir: Path) -> None:
@@ -175,7 +189,7 @@ def test_an_effect_is_begun_again_where_one_ended_that_contains_it(monkeypatch: 
     assert begun[0]["X1.coulomb"] == 0.3
 
 
-def test_how_two_gaps_divide_their_sum_is_tried_everywhere_with_the_chain_put_back(monkeypatch: Any) -> None:
+def test_how_two_gaps_divide_their_sum_is_tried_everywhere(monkeypatch: Any) -> None:
     place = {"X1.backlash": 60e-6, "X1.coulomb": 0.3, "X1.drive_mass": 0.9, "X1.contact_damping_ratio": 0.5}
     scene = cast(Any, SimpleNamespace(rich=place | {"X1.backlash": 50e-6}))
     model = Model(("X1",), 1)
@@ -183,10 +197,12 @@ def test_how_two_gaps_divide_their_sum_is_tried_everywhere_with_the_chain_put_ba
     monkeypatch.setattr(moves_starts, "values_at", lambda _found: place)
     begun = moves_starts.everywhere(scene, stub(1.6), candidate)
     sums = [b["X1.backlash"] + b["X1.clearance"] for b in begun]
-    np.testing.assert_allclose(sums, 6 * [60e-6] + 6 * [50e-6] + 6 * [60e-6])
-    assert begun[-1].keys() - {"X1.clearance", "X1.pinion_friction"} == {"X1.backlash", "X1.coulomb"}
+    np.testing.assert_allclose(sums, 12 * [60e-6] + 6 * [50e-6] + 6 * [60e-6])
+    pinion = {"X1.clearance", "X1.pinion_friction", "X1.pinion_viscous"}
+    assert begun[-1].keys() - pinion == {"X1.backlash", "X1.coulomb"}
     assert len({round(b["X1.clearance"], 9) for b in begun[:6]}) == 6
-    assert not any("X1.drive_mass" in b or "X1.contact_damping_ratio" in b for b in begun)
+    assert all(b["X1.drive_mass"] == 0.9 for b in begun[:6]), "the chain as it is now"
+    assert not any("X1.drive_mass" in b or "X1.contact_damping_ratio" in b for b in begun[6:]), "put back"
     assert not moves_starts.everywhere(scene, stub(9.0), candidate), "more is missing than a split gap"
 
 

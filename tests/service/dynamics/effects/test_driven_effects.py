@@ -48,7 +48,7 @@ PLANTED = {
         "X1.stribeck_tail": 0.6,
     },
     "curved_friction": {"X1.curved_level": 0.5, "X1.curved_power": 2.0},
-    "gearbox_clearance": {"X1.clearance": 3e-5, "X1.pinion_friction": 0.15},
+    "gearbox_clearance": {"X1.clearance": 3e-5, "X1.pinion_friction": 0.15, "X1.pinion_viscous": 1.0},
     "position_dependent_backlash": {"X1.gap_slope": 0.008},
     "preload_flank": {"X1.preload_stiffness": 2e4, "X1.preload_damping_ratio": 0.05},
     "contact_nonlinearity": {"X1.bend": 0.4},
@@ -136,6 +136,7 @@ class Plain:
         body = -self.get("body_drive_ratio") * float(self.course(t, 2))
         body += self.get("body_ratio") * (rub - contact) - wb**2 * xb - 2 * self.get("body_damping") * wb * vb
         held = self.get("pinion_friction") * float(np.clip(vp / 5e-4, -1.0, 1.0))
+        held += self.get("pinion_viscous") * vp
         return [vp, (drive - contact - held) / self.v["drive_mass"], v, a, vh, -pull, vb, body]
 
     def acceleration(self, rest: tuple[float, float]) -> FloatArray:

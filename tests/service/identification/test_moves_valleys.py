@@ -1,0 +1,57 @@
+"""The search for an effect whose fits have many valleys."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from service.dynamics.effects.driven_library import DRIVEN
+from service.identification.moves_valleys import APART, POPULATION, survivors
+
+CLEARANCE = DRIVEN["gearbox_clearance"](("X1",))
+VALUES = {
+    "X1.backlash": 4e-5,
+    "X1.clearance": 2e-5,
+    "X1.pinion_mass": 0.03,
+    "X1.pinion_friction": 0.02,
+    "X1.gear_mass": 0.1,
+}
+
+
+def one(rms: float, clearance: float) -> Any:
+    values = {"X1.clearance": clearance}
+    return cast(Any, SimpleNamespace(rms=rms, value=lambda name: values[name]))
+
+
+def test_of_fits_that_ended_alike_the_best_lives_on() -> None:
+    fits = [one(1.2, 20e-6), one(1.0, 20.5e-6), one(1.4, 30e-6), one(1.1, 30.1e-6), one(1.3, 40e-6)]
+    alive = survivors(fits, cast(Any, SimpleNamespace(effect=CLEARANCE)))
+    assert [f.rms for f in alive] == [1.0, 1.1, 1.3]
+    many = [one(1.0 + k / 10, 1e-6 * (1 + 2 * APART) ** k) for k in range(2 * POPULATION)]
+    assert len(survivors(many, cast(Any, SimpleNamespace(effect=CLEARANCE)))) == POPULATION
+    gone = [one(1.0, 0.0), one(1.1, 1e-5)]
+    assert len(survivors(gone, cast(Any, SimpleNamespace(effect=CLEARANCE)))) == 2, (
+        "no gap at all is one valley"
+    )
+
+
+def test_two_gaps_divide_anew_and_keep_their_sum() -> None:
+    rng = np.random.default_rng(3)
+    found = [CLEARANCE.varied(VALUES, 1.0, rng) for _ in range(200)]
+    for values in found:
+        assert values["X1.backlash"] + values["X1.clearance"] == pytest.approx(6e-5)
+        assert min(values["X1.backlash"], values["X1.clearance"]) > 1e-6
+        assert values["X1.gear_mass"] == 0.1, "before the second gap"
+        assert values.keys() == VALUES.keys()
+    for name in ("X1.clearance", "X1.pinion_mass", "X1.pinion_friction"):
+        spread = np.std([np.log(values[name]) for values in found])
+        assert 0.6 < spread < 1.2
+    assert dict(CLEARANCE.varied(VALUES, 0.0, rng)) == pytest.approx(VALUES)
+
+
+def test_an_effect_with_one_valley_is_not_varied() -> None:
+    effect = DRIVEN["constant_force"](("X1",))
+    assert effect.varied(VALUES, 1.0, np.random.default_rng(0)) == VALUES
