@@ -1,7 +1,8 @@
 """Planted against answered: the whole loop over machines with an undeclared effect, and the table of issue and answer.
 
     python tests/benchmarks/explain_table.py                 10 machines per effect, 50 clean ones; makes its captures
-    python tests/benchmarks/explain_table.py --jobs 2        the same; started again, it goes on
+    python tests/benchmarks/explain_table.py --jobs 2        the same; stopped (Ctrl-C) it prints the table so far,
+                                                             started again, it goes on
     python tests/benchmarks/explain_table.py --effects stribeck_friction,clipping --count 2 --clean 0    a glimpse
     python tests/benchmarks/explain_table.py --folder DIR    pairs NAME-train / -validate / -truth of your own
 
@@ -221,10 +222,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = parsed(arguments)
     options.work.mkdir(parents=True, exist_ok=True)
     files = made(options) if options.folder is None else sorted(options.folder.rglob("*-truth.json"))
-    rows = []
-    for row in run([f for f in files if complete(f)], options.work / "results.jsonl", options.jobs):
-        show(row)
-        rows.append(row)
+    pairs, rows = [file for file in files if complete(file)], list[Record]()
+    try:
+        for row in run(pairs, options.work / "results.jsonl", options.jobs):
+            show(row)
+            rows.append(row)
+    except KeyboardInterrupt:
+        print(f"stopped after {len(rows)} of {len(pairs)} pairs")
     tabulate(rows)
 
 

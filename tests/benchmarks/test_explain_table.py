@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -86,6 +87,23 @@ def test_a_campaign_goes_on_with_the_same_numerics_and_captures_only(tmp_path: P
     elsewhere = known | {"truth": str(tmp_path / "seed-1" / asked.name), "first": "x"}
     results.write_text("".join(json.dumps(one) + "\n" for one in (known, older, elsewhere)))
     assert list(explain_table.run([asked], results, 1)) == [known]
+
+
+def test_a_campaign_that_is_stopped_prints_its_table(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def stopped(*_: object) -> Iterator[Record]:
+        yield row("sensor_gain", "sensor_gain")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(explain_table, "run", stopped)
+    monkeypatch.setattr(explain_table, "complete", lambda _path: True)
+    for name in ("a", "b", "c"):
+        (tmp_path / f"{name}-truth.json").touch()
+    explain_table.main(["--folder", str(tmp_path), "--work", str(tmp_path / "work")])
+    printed = capsys.readouterr().out
+    assert "stopped after 1 of 3 pairs" in printed
+    assert "in the library: right name     1 of 1, 100.0%" in printed
 
 
 def test_one_machine_of_every_kind_comes_after_the_other(tmp_path: Path) -> None:
