@@ -54,6 +54,9 @@ COMMON: Mapping[str, Impurity] = {
 """What every rack and every flank has a little of, and what is therefore no finding where it does not change the
 backlash. Steel on steel in line contact has a bend of 1/9; twice that is none. A mesh has no limit by itself: a slow
 error may be large; 3 µm [m] are small. What repeats with the rack's teeth or more slowly is of its mesh."""
+OF_SOUND = 2.0
+"""How many times as much as matters that must change the backlash which is no more than a sound machine has (chosen):
+found as it is, it is no finding as long as the backlash hardly changes."""
 TOOTH = 3e-3
 """Pitch of the finest rack [m]: that of module 1. What repeats in less comes from within the transmission."""
 SURELY = 2.0
@@ -157,11 +160,14 @@ def _common(selection: Selection[Explained], everything: bool = False) -> bool:
 
 
 def _matters(selection: Selection[Explained]) -> bool:
-    """Whether what was found changes the backlash."""
+    """Whether what was found changes the backlash, and clearly so if a sound machine may have as much of it."""
     before, after = selection.before.model.fitted, selection.after.model.fitted
+    limited = all(np.isfinite(COMMON[name].most) for name in selection.effects if name in COMMON)
+    times = OF_SOUND if limited and _common(selection) else 1.0
     floor, share = MATTERS
     return any(
-        abs((now := backlash_of(after, axis)[0]) - backlash_of(before, axis)[0]) > max(floor, share * now)
+        abs((now := backlash_of(after, axis)[0]) - backlash_of(before, axis)[0])
+        > times * max(floor, share * now)
         for axis in range(len(before.model.axes))
     )
 

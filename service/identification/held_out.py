@@ -24,7 +24,7 @@ from service.backlash.moves_fit import (
     resting,
     rests_found,
 )
-from service.dynamics.driven_model import Model
+from service.dynamics.driven_model import LINKS, Model
 from service.identification.moves_rests import KNOWN, how_known, swinging_on, swings_at_all
 from service.identification.scene import Scene
 from service.identification.selection import Trial, independent_samples, shown
@@ -188,14 +188,14 @@ def shapes_at_limits(found: Fitted) -> tuple[str, ...]:
 def no_such_effect(found: Fitted) -> tuple[str, ...]:
     """Numbers, by name, that stand where no such effect is: all amounts of the last one at zero, or a swing that the
     move before cannot have left, so that something else than the axis keeps it going, or a chain damped as no
-    machine's is. Only of a fit that may be the right one."""
+    machine's is, or between two gaps what is heavier than the load. Only of a fit that may be the right one."""
     last = found.model.effects[-1]
     if found.rms > NEAR:
         return ()
     limits = amounts_of_nothing(found)
     if last.states and how_known(found.moves) > TOLD:
         limits += tuple(p.name for p in last.nuisance)
-    return (*limits, *overdamped(found))
+    return (*limits, *overdamped(found), *too_heavy(found))
 
 
 def amounts_of_nothing(found: Fitted) -> tuple[str, ...]:
@@ -206,6 +206,15 @@ def amounts_of_nothing(found: Fitted) -> tuple[str, ...]:
     spread = np.sqrt(np.diag(told_by_train(found))) * max(1.0, found.rms)
     there = [abs(found.value(p.name)) > SURELY * p.spread * spread[names.index(p.name)] for p in amounts]
     return () if any(there) else tuple(p.name for p in amounts)
+
+
+def too_heavy(found: Fitted) -> tuple[str, ...]:
+    """Masses that chatter between two gaps and are heavier than the load, by name: no pinion is; a sensor that rings on
+    its mount was described so."""
+    if not found.model.effects[-1].many_valleys:
+        return ()
+    masses = (f"{axis}.{LINKS[found.model.lumps][-1]}_mass" for axis in found.model.axes)
+    return tuple(name for name in masses if found.value(name) > 1.0)
 
 
 def overdamped(found: Fitted) -> tuple[str, ...]:

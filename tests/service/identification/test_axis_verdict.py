@@ -167,6 +167,28 @@ def test_flanks_that_stiffen_more_than_steel_does_are_a_finding(
     assert axis_verdict.finding_of(selection)[0] == found
 
 
+@pytest.mark.parametrize(
+    ("name", "bend", "change", "found"),
+    [
+        ("contact_nonlinearity", 0.04, 1.5e-6, "none"),
+        ("contact_nonlinearity", 0.04, 2.5e-6, "effect"),
+        ("contact_nonlinearity", 0.5, 1.5e-6, "effect"),
+        ("transmission_ripple", 0.04, 1.5e-6, "effect"),
+    ],
+)
+def test_flanks_as_sound_ones_are_a_finding_only_where_the_backlash_clearly_changes(
+    monkeypatch: pytest.MonkeyPatch, name: str, bend: float, change: float, found: str
+) -> None:
+    """Planted in a sound machine, a bend of 0.039 was found as 0.036, and the backlash 1.2 um nearer."""
+    values = {"before": (30e-6, 1e-7), "after": (30e-6 - change, 1e-7)}
+    monkeypatch.setattr(axis_verdict, "backlash_of", lambda fitted, _axis: values[fitted.when])
+    monkeypatch.setattr(axis_verdict, "deviations", lambda _f: numbers(_f) | {"X1.bend": (bend, 0.001)})
+    before, after = trial(1.1, 1.45), trial(1.0, 1.02)
+    for when, one in (("before", before), ("after", after)):
+        one.model.fitted.when = when
+    assert axis_verdict.finding_of(Selection(before, after, (name,), (), ()))[0] == found
+
+
 def numbers(_fitted: object) -> dict[str, tuple[float, float]]:
     """Of a sound machine."""
     return {"X1.bend": (0.1, 0.01), "X1.ripple_amplitude": (5e-6, 1e-7)}

@@ -19,8 +19,9 @@ from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_bodies import DrivenHungMass, DrivenMachineBody, free_swing
 from service.dynamics.effects.driven_guide import DrivenCurvedFriction
 from service.dynamics.effects.driven_sensors import DrivenBias, DrivenGain
+from service.dynamics.effects.driven_transmission import DrivenClearance
 from service.identification import held_out
-from service.identification.held_out import no_such_effect
+from service.identification.held_out import no_such_effect, too_heavy
 from service.identification.moves_rests import KNOWN, swinging_on
 
 MACHINE = {
@@ -127,6 +128,17 @@ def test_a_chain_that_no_machine_has_names_nothing(moves: Moves, name: str, u: f
     at.shared[[p.name for p in model.parameters].index(f"X1.{name}")] = u
     limits = no_such_effect(Fitted(model, (moves,), at, near, every(model)))
     assert limits == ((f"X1.{name}",) if odd else ())
+
+
+@pytest.mark.usefixtures("well_known")
+@pytest.mark.parametrize(("mass", "heavy"), [(0.2, False), (1.5, True)])
+def test_nothing_heavier_than_the_load_lies_between_two_gaps(moves: Moves, mass: float, heavy: bool) -> None:
+    """A sensor that rang on its mount was described by a pinion one and a half times as heavy as the carriage."""
+    model = Model(("X1",), 1, (DrivenClearance(("X1",)),), "whole_move", ("constant", "skew"), bridge=False)
+    at = point_at(model, MACHINE | {"X1.clearance": 3e-5, "X1.drive_mass": mass}, [moves])
+    found = Fitted(model, (moves,), at, np.zeros(10), every(model))
+    assert too_heavy(found) == (("X1.drive_mass",) if heavy else ())
+    assert ("X1.drive_mass" in no_such_effect(found)) == heavy
 
 
 @pytest.mark.usefixtures("well_known")
