@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cache
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -238,3 +240,12 @@ def test_a_second_gap_takes_its_width_off_the_first_and_leaves_some(shape: float
 def test_a_pinion_between_two_gaps_rests_at_either_side_of_its_own() -> None:
     effect = DRIVEN["gearbox_clearance"](("X1",))
     assert effect.rests({"X1.clearance": 4e-5}) == ({"X1.pinion_rest": 2e-5}, {"X1.pinion_rest": -2e-5})
+
+
+def test_the_load_lies_as_far_off_as_the_pinion_beside_which_it_rests() -> None:
+    effect = DRIVEN["gearbox_clearance"](("X1",))
+    model = Model(("X1",), 2, (effect,), "whole_move", ("constant", "skew"))
+    x0, load = np.zeros((1, 1, 12)), model.load(0)
+    case = cast(Any, SimpleNamespace(model=model, nuisance=np.full((1, 1, 1), 2e-5)))
+    effect.begin(x0, case, cast(Any, None))
+    assert {k: x for k, x in enumerate(x0[0, 0]) if x} == {load - 2: 2e-5, load: 2e-5}
