@@ -133,6 +133,11 @@ class DrivenEffect:
         return 0.0
 
     @property
+    def standards(self) -> tuple[DrivenEffect, ...]:
+        """The same effect as machine elements make it whose sizes are standardised: each with such a number given."""
+        return ()
+
+    @property
     def refined(self) -> DrivenEffect:
         """The same effect as it is simulated for a value, where a search makes do with less."""
         return self

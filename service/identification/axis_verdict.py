@@ -39,7 +39,8 @@ machine and alone explains what shows in all moves (chosen)."""
 
 class Impurity(NamedTuple):
     """The number that says how much there is of something, the most that a sound machine has of it, the most where
-    it is the whole explanation of more than impurities leave, and what it repeats in."""
+    it is the whole explanation of more than impurities leave, and what it repeats in; of what repeats, that is a share
+    of the period."""
 
     number: str
     most: float
@@ -48,12 +49,13 @@ class Impurity(NamedTuple):
 
 
 COMMON: Mapping[str, Impurity] = {
-    "transmission_ripple": Impurity("ripple_amplitude", np.inf, 3e-6, period="ripple_period"),
+    "transmission_ripple": Impurity("ripple_amplitude", np.inf, 1e-3, period="ripple_period"),
     "contact_nonlinearity": Impurity("bend", 0.2, 0.0),
 }
 """What every rack and every flank has a little of, and what is therefore no finding where it does not change the
 backlash. Steel on steel in line contact has a bend of 1/9; twice that is none. A mesh has no limit by itself: a slow
-error may be large; 3 µm [m] are small. What repeats with the rack's teeth or more slowly is of its mesh."""
+error may be large; a thousandth of the pitch is small. What repeats with the rack's teeth or more slowly is of its
+mesh."""
 OF_SOUND = 2.0
 """How many times as much as matters that must change the backlash which is no more than a sound machine has (chosen):
 found as it is, it is no finding as long as the backlash hardly changes."""
@@ -117,7 +119,7 @@ def finding_of(
         return nothing, ()
     alone = len(effects) == 1 and explained(before, after)
     if not _matters(selection):
-        seen = max(before.train_rms, before.validation_rms) > SMALL
+        seen = shown(before) > SMALL
         uncommon = not _common(selection) and left(before) > DESCRIBED
         clearly = after.validation_rms <= LEFT_BY_CLEAN and explained(before, after, CLEARLY)
         clear = effects == seen_at_rest or (uncommon and len(effects) == 1 and clearly)
@@ -152,7 +154,8 @@ def _common(selection: Selection[Explained], everything: bool = False) -> bool:
         periods = [both for name, both in numbers.items() if name.rpartition(".")[2] == impurity.period]
         if everything and any(value + SURELY * std < TOOTH for value, std in periods):
             return False
-        most = impurity.most_of_all if everything else impurity.most
+        per = min((value for value, _ in periods), default=1.0)
+        most = per * impurity.most_of_all if everything else impurity.most
         of_axes = [both for name, both in numbers.items() if name.rpartition(".")[2] == impurity.number]
         if any(abs(value) - SURELY * std > most for value, std in of_axes):
             return False

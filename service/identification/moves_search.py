@@ -21,11 +21,12 @@ from service.backlash.moves_fit import (
     values_at,
     width,
 )
-from service.dynamics.driven_model import DrivenEffect
+from service.dynamics.driven_model import DrivenEffect, Model
 from service.identification.held_out import DESCRIBED, Explained, trial_of
 from service.identification.moves_end import HOPELESS, SOUND, ended, settled
 from service.identification.moves_looks import (
     ENDED,
+    GLIMPSE,
     Brief,
     compared,
     enough_of_few,
@@ -176,8 +177,7 @@ def propose(
         name: min((trial_of(scene, one, thorough=False) for one in (f, *others[name])), key=distance)
         for name, f in found.items()
     }
-    if base.rms < DESCRIBED:
-        trials = {c.name: in_best_shape(scene, base, c, trials[c.name]) for c in tried}
+    trials = {c.name: in_best_shape(scene, base, c, trials[c.name]) for c in tried}
     return finished(scene, trials)
 
 
@@ -210,13 +210,34 @@ def finished(scene: Scene, trials: Mapping[str, Trial[Explained]]) -> dict[str, 
 def in_best_shape(
     scene: Scene, base: Fitted, candidate: Candidate, trial: Trial[Explained]
 ) -> Trial[Explained]:
-    """The candidate's trial, or a nearer one of another shape of how friction depends on speed. Where the present fit
-    describes the moves that were fitted, they hardly tell the shape, which shows at other speeds: each is fitted and
-    judged there, so that the held-out moves choose among a few shapes of one effect as they do among effects."""
-    if not candidate.effect.bends_friction:
-        return trial
-    fits = (shaped(base, candidate, shape) for shape in scored(base, candidate, values_at(base)))
+    """The candidate's trial, or a nearer one of another shape. Where the present fit describes the moves that were
+    fitted, they hardly tell a shape, such as how friction depends on speed, which shows in other moves: each is fitted
+    and judged there, so that the held-out moves choose among a few shapes of one effect as they do among effects. So
+    are standard sizes, as long as no more is missing than what every machine has may leave."""
+    fits: list[Fitted] = []
+    if candidate.effect.bends_friction and base.rms < DESCRIBED:
+        fits += (shaped(base, candidate, shape) for shape in scored(base, candidate, values_at(base)))
+    for effect in candidate.effect.standards if base.rms < SOUND else ():
+        fits.append(
+            standard(base, replace(candidate, effect=effect, model=with_last(candidate.model, effect)))
+        )
     return min((trial, *(trial_of(scene, f, thorough=False) for f in fits)), key=distance)
+
+
+def with_last(model: Model, effect: DrivenEffect) -> Model:
+    """The model with another effect in the place of its last."""
+    return replace(model, effects=(*model.effects[:-1], effect))
+
+
+def standard(base: Fitted, candidate: Candidate) -> Fitted:
+    """The candidate on all moves, with a number of a standard size, from the best of its starts."""
+    moves, model = unanswering(base.moves), candidate.model
+    begun = (
+        fit(moves, model, begun_at(moves, model, values, widened(base.at.local, model)), GLIMPSE)
+        for values in scored(base, candidate, values_at(base))
+    )
+    best = min(begun, key=lambda f: f.rms)
+    return fit(moves, model, best.at, ROUNDS)
 
 
 def shaped(base: Fitted, candidate: Candidate, shape: Values) -> Fitted:

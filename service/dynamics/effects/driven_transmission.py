@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -32,6 +32,12 @@ BOTH = 1e-4
 """The two gaps together for which the shapes of a clearance are given [m]."""
 LEAST_SHARE = 0.03
 """Share of the two gaps that either has at least, where they are divided anew."""
+MODULES = (1e-3, 1.25e-3, 1.5e-3, 2e-3, 2.5e-3, 3e-3, 4e-3)
+"""Of the teeth of racks [m]: ISO 54, the usual ones for such axes."""
+PITCH_ERROR = 3e-3
+"""Standard deviation of a tooth's pitch, as a share: of the motor's position, in which it is told, before all."""
+PHASES = (0.0, 0.5 * np.pi)
+"""Of a ripple, at which a score is taken: its amplitude may be negative."""
 CREEP = 5e-4
 """Speed below which a pinion creeps in its bearings [m/s], about."""
 
@@ -257,7 +263,14 @@ def damping(bend: FloatArray, bends: Sequence[float] = BENDS) -> FloatArray:
 
 @dataclass(frozen=True)
 class DrivenRipple(DrivenEffect):
-    """An error of the transmission that repeats along the travel; its phase is found again in every recording."""
+    """An error of the transmission that repeats along the travel; its phase is found again in every recording.
+
+    Attributes
+    ----------
+    module : of the rack's teeth [m], where the error is said to repeat with them; 0 where it may repeat in anything
+    """
+
+    module: float = 0.0
 
     name: ClassVar[str] = "transmission_ripple"
     means: ClassVar[str] = "the transmission's error repeats along the travel: teeth, bearing, gearbox"
@@ -269,8 +282,31 @@ class DrivenRipple(DrivenEffect):
     shapes: ClassVar[tuple[Mapping[str, float], ...]] = tuple(
         {"ripple_period": float(period), "ripple_phase": phase}
         for period in np.geomspace(4e-4, 8e-3, 14)
-        for phase in (0.0, 0.5 * np.pi)
+        for phase in PHASES
     )
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        every = super().parameters
+        if not self.module:
+            return every
+        pitch = np.pi * self.module
+        return tuple(
+            replace(p, typical=pitch, spread=PITCH_ERROR) if p.name.endswith("ripple_period") else p
+            for p in every
+        )
+
+    @property
+    def starts(self) -> tuple[Mapping[str, float], ...]:
+        if not self.module:
+            return super().starts
+        plain = {p.name: 0.0 if p.dose else p.typical for p in self.parameters}
+        phases = [name for name in plain if name.endswith("ripple_phase")]
+        return tuple(plain | dict.fromkeys(phases, phase) for phase in PHASES)
+
+    @property
+    def standards(self) -> tuple[DrivenRipple, ...]:
+        return tuple(replace(self, module=module) for module in MODULES)
 
     def drive(self, c: FloatArray, case: Case) -> FloatArray:
         """Position, speed and acceleration of the error at the grid points; a polynomial between them."""

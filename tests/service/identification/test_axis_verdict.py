@@ -62,7 +62,8 @@ def test_an_impurity_that_moves_the_backlash_by_next_to_nothing_is_none(
 
 
 @pytest.mark.parametrize(
-    ("held_out", "left", "found"), [(2.5, 1.0, "effect"), (2.5, 1.5, "none"), (1.5, 1.0, "none")]
+    ("held_out", "left", "found"),
+    [(2.5, 1.0, "effect"), (2.5, 1.5, "none"), (1.9, 1.0, "none"), (1.5, 1.0, "none")],
 )
 def test_an_effect_that_shows_at_another_speed_only_is_a_finding_if_it_explains_all_of_much(
     monkeypatch: pytest.MonkeyPatch, held_out: float, left: float, found: str
@@ -119,14 +120,21 @@ def test_what_every_rack_has_is_no_explanation_of_what_it_leaves(
 
 
 @pytest.mark.parametrize(
-    ("period", "held_out", "found"),
-    [(6.3e-3, 8.0, "none"), (2.9e-3, 8.0, "none"), (1.4e-3, 8.0, "effect"), (1.4e-3, 3.0, "none")],
+    ("amplitude", "period", "held_out", "found"),
+    [
+        (3.1e-6, 6.3e-3, 8.0, "none"),
+        (6.5e-6, 6.3e-3, 8.0, "none"),
+        (6.8e-6, 6.3e-3, 8.0, "effect"),
+        (3.1e-6, 2.9e-3, 8.0, "none"),
+        (1.1e-6, 1.4e-3, 8.0, "effect"),
+        (1.1e-6, 1.4e-3, 3.0, "none"),
+    ],
 )
-def test_three_micrometres_that_leave_the_backlash_alone_are_of_the_mesh_unless_quicker_than_teeth(
-    monkeypatch: pytest.MonkeyPatch, period: float, held_out: float, found: str
+def test_a_thousandth_of_the_pitch_that_leaves_the_backlash_alone_is_of_the_mesh_unless_quicker_than_teeth(
+    monkeypatch: pytest.MonkeyPatch, amplitude: float, period: float, held_out: float, found: str
 ) -> None:
     """A rack's teeth are 3.14 mm apart and more; 2.9 ± 0.1 mm may be theirs."""
-    ripple = {"X1.ripple_amplitude": (3.1e-6, 2e-7), "X1.ripple_period": (period, 1e-4)}
+    ripple = {"X1.ripple_amplitude": (amplitude, 2e-7), "X1.ripple_period": (period, 1e-4)}
     monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: (50e-6, 1e-7))
     monkeypatch.setattr(axis_verdict, "deviations", lambda _fitted: ripple)
     selection = Selection(trial(3.0, held_out), trial(1.0, 1.1), ("transmission_ripple",), (), ())
@@ -190,8 +198,8 @@ def test_flanks_as_sound_ones_are_a_finding_only_where_the_backlash_clearly_chan
 
 
 def numbers(_fitted: object) -> dict[str, tuple[float, float]]:
-    """Of a sound machine."""
-    return {"X1.bend": (0.1, 0.01), "X1.ripple_amplitude": (5e-6, 1e-7)}
+    """Of a sound machine, but for a mesh error of more than a thousandth of the pitch."""
+    return {"X1.bend": (0.1, 0.01), "X1.ripple_amplitude": (5e-6, 1e-7), "X1.ripple_period": (4e-3, 1e-4)}
 
 
 @pytest.mark.parametrize(

@@ -76,6 +76,26 @@ def test_a_shape_of_friction_that_the_train_moves_do_not_tell_is_judged_on_the_o
         assert cast(Any, moves_search.in_best_shape(scene, base, candidate, first)).power == power
 
 
+@pytest.mark.parametrize(("missing", "module"), [(1.9, 2.5e-3), (2.1, 0.0)])
+def test_a_ripple_is_tried_with_the_teeth_of_usual_racks_where_little_is_missing(
+    monkeypatch: Any, missing: float, module: float
+) -> None:
+    """A free period drifts to where a mesh error too small to be told imitates noise."""
+    first = cast(
+        Any, SimpleNamespace(train_rms=0.9, held_rms=4.0, effect=DRIVEN["transmission_ripple"](("X1",)))
+    )
+    errors = {2e-3: 1.4, 2.5e-3: 1.2, 3e-3: 1.3}
+
+    def judged(_scene: Any, found: Any, thorough: bool) -> Any:
+        return SimpleNamespace(train_rms=1.0, held_rms=errors.get(found.module, 9.0), effect=found)
+
+    monkeypatch.setattr(moves_search, "standard", lambda _base, candidate: candidate.effect)
+    monkeypatch.setattr(moves_search, "trial_of", judged)
+    candidate = moves_starts.candidates(Model(("X1",), 2), [DRIVEN["transmission_ripple"]], ())[0]
+    best = moves_search.in_best_shape(cast(Any, None), stub(missing), candidate, first)
+    assert cast(Any, best).effect.module == module
+
+
 def test_a_shape_is_kept_until_friction_and_machine_are_fitted_to_it(monkeypatch: Any) -> None:
     freed: list[set[str]] = []
     begun: list[dict[str, float]] = []

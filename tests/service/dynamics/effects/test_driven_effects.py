@@ -15,7 +15,7 @@ from service.dynamics.driven import simulate
 from service.dynamics.driven_model import Model
 from service.dynamics.driven_motion import coefficients, plain_motion
 from service.dynamics.effects.driven_library import DRIVEN
-from service.dynamics.effects.driven_transmission import BENDS, damping, stiffening
+from service.dynamics.effects.driven_transmission import BENDS, DrivenRipple, damping, stiffening
 from service.recording import FloatArray, Trace
 
 H, K, BEGIN = 2.5e-4, 340, -0.002
@@ -249,3 +249,13 @@ def test_the_load_lies_as_far_off_as_the_pinion_beside_which_it_rests() -> None:
     case = cast(Any, SimpleNamespace(model=model, nuisance=np.full((1, 1, 1), 2e-5)))
     effect.begin(x0, case, cast(Any, None))
     assert {k: x for k, x in enumerate(x0[0, 0]) if x} == {load - 2: 2e-5, load: 2e-5}
+
+
+def test_a_ripple_of_standard_teeth_has_their_pitch() -> None:
+    """Module 2: 2·pi mm, to a hundredth; phase and amplitude are free."""
+    standard = next(effect for effect in DrivenRipple(("X1",)).standards if effect.module == 2e-3)
+    size, phase, period = standard.parameters
+    assert (size, phase) == DrivenRipple(("X1",)).parameters[:2]
+    assert 6.2e-3 < float(period.value(-3.0)) < 6.2832e-3 < float(period.value(3.0)) < 6.35e-3
+    assert [start["X1.ripple_period"] for start in standard.starts] == pytest.approx([6.28319e-3] * 2)
+    assert standard.starts[0]["X1.ripple_phase"] != standard.starts[1]["X1.ripple_phase"]
