@@ -18,7 +18,7 @@ from service.identification.explanation import (
     Parameter,
     Prediction,
 )
-from service.identification.held_out import DESCRIBED, SEEN_AT_REST, Explained, Held, rms
+from service.identification.held_out import SEARCHED, SEEN_AT_REST, Explained, Held, rms
 from service.identification.scene import Scene
 from service.identification.selection import Selection, Trial, explained, gone, left, shown
 from service.recording import FloatArray
@@ -64,8 +64,9 @@ TOOTH = 3e-3
 SURELY = 2.0
 """Standard deviations by which a number is beyond what a sound machine has."""
 CLEARLY = 0.75
-"""Share of the excess variance that an effect explains by itself which is in no sound machine, shows in all moves and
-leaves next to nothing in those that were not fitted (chosen)."""
+"""Share of the excess variance in the moves that were fitted and in those that were not that an effect explains by
+itself which is in no sound machine, and shows in all moves; it leaves next to nothing, or there was more to explain
+than impurities leave (chosen)."""
 WHOLLY = 0.98
 """Share from which on an effect is named whatever it leaves: it has predicted moves that nobody has fitted, and what is
 left is how its law differs from the machine's (chosen)."""
@@ -120,9 +121,10 @@ def finding_of(
     alone = len(effects) == 1 and explained(before, after)
     if not _matters(selection):
         seen = shown(before) > SMALL
-        uncommon = not _common(selection) and left(before) > DESCRIBED
-        clearly = after.validation_rms <= LEFT_BY_CLEAN and explained(before, after, CLEARLY)
-        clear = effects == seen_at_rest or (uncommon and len(effects) == 1 and clearly)
+        uncommon = not _common(selection) and left(before) > SEARCHED
+        clearly = explained(before, after, CLEARLY) and gone(before.train_rms, after.train_rms, CLEARLY)
+        whole = len(effects) == 1 and clearly and (seen or after.validation_rms <= LEFT_BY_CLEAN)
+        clear = effects == seen_at_rest or (uncommon and whole)
         if _little(before) and not (alone and seen) and not clear:
             return nothing, ()
         everything = before.validation_rms > CHANGED and shown(after) <= LEFT_BY_CLEAN

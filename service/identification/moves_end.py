@@ -12,7 +12,7 @@ import numpy as np
 from service.backlash.moves import Moves
 from service.backlash.moves_begun import Values
 from service.backlash.moves_fit import Fitted, Point, fit, reconstructed, values_at
-from service.identification.held_out import NEAR, Explained, overdamped, trial_of
+from service.identification.held_out import DESCRIBED, NEAR, Explained, overdamped, trial_of
 from service.identification.moves_looks import ENDED
 from service.identification.moves_rests import KNOWN, how_known, swinging_on, swings_at_all
 from service.identification.moves_starts import ROUNDS, begun_at, chain
@@ -25,6 +25,8 @@ it must gain to be continued again."""
 TURNS, STEADY = 8, 2.0
 """How often a fit and the reconstructed motion take turns at the end, and the change of the sum of squares, over the
 noise, from which on they agree (chosen: a standard deviation of one number changes it by one)."""
+FEW_ROUNDS = 4
+"""Rounds of a fit between two turns of a motion that a wrong chain may have made."""
 SUMMED = (0.05, 0.01)
 """How long residuals are summed up to those of speed, the longest first [s] (chosen: periods of a contact, and one)."""
 PUT_BACK = ("turnover_speed", "turnover_spread", "coulomb", "viscous", "damping_ratio", "smear")
@@ -55,7 +57,21 @@ def settled(found: Fitted, rounds: int) -> Fitted:
         on = min(on, put_back(moves, found, rounds), key=lambda f: f.rms)
     if on.rms >= SOUND:
         on = min(on, put_back(moves, found, rounds, chain(found.model)), key=lambda f: f.rms)
-    return swung_in(as_damped(on)) if on.rms < HOPELESS else on
+    if on.rms >= HOPELESS:
+        return on
+    return swung_in(as_damped(in_turns(on)))
+
+
+def in_turns(found: Fitted) -> Fitted:
+    """The best of the fits to the motion of the motors that is reconstructed from the one before, each of a few rounds.
+    A wrong chain makes a motion that fits it, and the way from there leads uphill first."""
+    best = on = found
+    for _ in range(TURNS):
+        if best.rms < DESCRIBED:
+            break
+        on = fit(reconstructed(on), on.model, on.at, FEW_ROUNDS)
+        best = min(best, on, key=lambda f: f.rms)
+    return best
 
 
 def put_back(moves: Sequence[Moves], found: Fitted, rounds: int, too: Collection[str] = ()) -> Fitted:

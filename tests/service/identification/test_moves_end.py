@@ -58,6 +58,7 @@ def test_a_fit_goes_on_from_where_it_stands_and_begins_again_only_if_it_is_not_n
     monkeypatch.setattr(moves_end, "values_at", lambda _found: {})
     monkeypatch.setattr(moves_end, "overdamped", lambda _found: ())
     monkeypatch.setattr(moves_end, "fit", refit)
+    monkeypatch.setattr(moves_end, "in_turns", lambda found: found)
     reached = 1.0
     assert moves_end.settled(stub(1.2), 3).rms == 1.0
     assert begun == ["on"]
@@ -114,8 +115,8 @@ def test_what_a_wrong_model_drove_away_is_put_back_and_where_it_is_far_the_chain
         monkeypatch.setattr(moves_end, "reconstructed", lambda _found: ())
         monkeypatch.setattr(moves_end, "fit", lambda *_, rms=rms: stub(next(rms)))
         monkeypatch.setattr(moves_end, "begun_at", lambda _m, _n, at, *_: begun.append(set(at)))
-        monkeypatch.setattr(moves_end, "as_damped", lambda found: found)
-        monkeypatch.setattr(moves_end, "swung_in", lambda found: found)
+        for later in ("in_turns", "as_damped", "swung_in"):
+            monkeypatch.setattr(moves_end, later, lambda found: found)
         settled = moves_end.settled(found, 12)
         assert [{name.removeprefix("X1.") for name in set(values) - kept} for kept in begun] == put_back
         assert settled.rms == (again if len(put_back) == 1 else 1.2)
@@ -140,3 +141,18 @@ def test_a_corner_is_left_over_two_ridges_if_what_lies_behind_is_as_near(
     monkeypatch.setattr(moves_end, "put_back", lambda _moves, found, _rounds: found)
     monkeypatch.setattr(moves_end, "over_the_ridge", lambda found, _k: first if found is corner else second)
     assert moves_end.as_damped(corner) is (second if left else corner)
+
+
+@pytest.mark.parametrize(
+    ("turns", "reached", "taken"),
+    [((3.4, 4.2, 1.6, 1.1), 1.1, 4), ((3.4, 3.5, 3.4, 3.6, 3.3, 3.4, 3.5, 3.4), 3.2, 8)],
+)
+def test_the_way_from_a_motion_that_a_wrong_chain_has_made_leads_uphill(
+    monkeypatch: Any, turns: tuple[float, ...], reached: float, taken: int
+) -> None:
+    """A hung mass of the right frequency stood at 3.2 with a gear as heavy as the load."""
+    left = list(turns)
+    monkeypatch.setattr(moves_end, "reconstructed", lambda found: found.moves)
+    monkeypatch.setattr(moves_end, "fit", lambda *_: stub(left.pop(0)))
+    assert moves_end.in_turns(stub(3.2)).rms == reached
+    assert len(turns) - len(left) == taken
