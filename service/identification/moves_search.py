@@ -295,11 +295,13 @@ def finalists(trials: Mapping[str, Trial[Explained]]) -> list[str]:
 
 def challenged(scene: Scene, present: Trial[Explained], best: Trial[Explained]) -> Trial[Explained]:
     """The present model fitted once more from where the best candidate ended, without the candidate's effect, so that
-    no effect is named for having led the fit out of a poor valley."""
+    no effect is named for having led the fit out of a poor valley. Where the candidate ended with gear and pinion
+    apart, so does the present model begin."""
     now, other = present.model.fitted, best.model.fitted
-    keep = [[p.name for p in other.model.parameters].index(p.name) for p in now.model.parameters]
-    at = Point(other.at.shared[keep], tuple(local[:, : width(now.model)] for local in other.at.local))
-    again = fit(other.moves, now.model, at, ROUNDS)
+    model = replace(now.model, lumps=other.model.lumps)
+    keep = [[p.name for p in other.model.parameters].index(p.name) for p in model.parameters]
+    at = Point(other.at.shared[keep], tuple(local[:, : width(model)] for local in other.at.local))
+    again = fit(other.moves, model, at, ROUNDS)
     if again.rms < BEHIND * now.rms and again.rms < HOPELESS:
         again = settled(again, ROUNDS)
     return trial_of(scene, again) if again.rms < 0.99 * now.rms else present

@@ -238,6 +238,31 @@ def test_a_fit_that_describes_its_own_moves_only_is_ended_before_it_is_judged(
     assert (moves_search.to_the_end(cast(Any, None), trial) == "ended") is ended
 
 
+def test_the_present_model_is_challenged_where_the_best_ended_with_gear_and_pinion_apart(
+    shared_dir: Path, monkeypatch: Any
+) -> None:
+    """A pair of axes is searched with one mass per drive, and only what is near is parted."""
+    moves = moves_of(read_capture(shared_dir / "captures" / "none-train.parquet"), ("X1",))
+    held = ("constant", "skew")
+    now, best = (
+        Model(("X1",), lumps, effects, held=held)
+        for lumps, effects in ((1, ()), (2, (DRIVEN["hung_mass_mode"](("X1",)),)))
+    )
+    shared = np.linspace(-0.5, 0.5, len(best.parameters))
+    local = np.full((len(moves.grids), 2 * len(best.axes) + len(best.nuisance)), 0.1)
+    other = fit([moves], best, Point(shared, (local,)), 0)
+    begun: list[Any] = []
+    monkeypatch.setattr(moves_search, "fit", lambda _m, model, at, _r: begun.append((model, at)) or stub(9.0))
+    present = cast(Any, SimpleNamespace(model=SimpleNamespace(fitted=SimpleNamespace(model=now, rms=3.0))))
+    better = cast(Any, SimpleNamespace(model=SimpleNamespace(fitted=other)))
+    assert moves_search.challenged(cast(Any, None), present, better) is present
+    ((model, at),) = begun
+    assert (model.lumps, model.effects) == (2, ())
+    of_best = dict(zip((p.name for p in best.parameters), shared, strict=True))
+    assert list(at.shared) == [of_best[p.name] for p in model.parameters]
+    assert all(one.shape[1] == 2 * len(model.axes) + len(model.nuisance) for one in at.local)
+
+
 def test_an_effect_begun_on_the_present_model_changes_nothing(shared_dir: Path) -> None:
     """At an amount of nothing the few moves are described as they were, also by a machine far from a typical one."""
     moves = moves_of(read_capture(shared_dir / "captures" / "none-train.parquet"), ("X1",))
