@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from service.backlash.moves_fit import Fitted
-from service.dynamics.effects.driven_transmission import TYPICAL_PUSH
+from service.dynamics.effects.driven_transmission import TYPICAL_PUSH, DrivenLocalBacklash
 from service.recording import FloatArray
 
 LAW = 0.5
@@ -55,9 +55,12 @@ def backlash_of(found: Fitted, axis: int) -> tuple[float, float]:
     names = [p.name for p in found.model.parameters]
     k, gradient = names.index(f"{name}.backlash"), np.zeros(len(names))
     b, gradient[k] = found.value(names[k]), slope_of(found, k)
-    if f"{name}.gap_slope" in names:  # the gap is then that of the place where the recording began
-        k, place = names.index(f"{name}.gap_slope"), crossing(found, axis)
-        b, gradient[k] = b + found.value(names[k]) * place, slope_of(found, k) * place
+    for effect in found.model.effects:
+        if isinstance(
+            effect, DrivenLocalBacklash
+        ):  # the gap is then that of the place where the recording began
+            wider, more = widening(found, effect, axis)
+            b, gradient = b + wider, gradient + more
     floor, share = STRUCTURE
     laws = (SPLIT * clearance_beside(found, axis)) ** 2 + (LAW * unseen_depth(found, axis)) ** 2
     variance = float(gradient @ covariance(found) @ gradient) + laws
@@ -83,14 +86,27 @@ def unseen_depth(found: Fitted, axis: int) -> float:
     return abs(bend) * TYPICAL_PUSH / k * float((noise / TYPICAL_PUSH) ** (1.0 / (1.0 + bend)))
 
 
-def crossing(found: Fitted, axis: int) -> float:
-    """Where the gap is crossed [m] from where the recording began, on average: at CROSSED of a move's duration."""
+def widening(found: Fitted, effect: DrivenLocalBacklash, axis: int) -> tuple[float, FloatArray]:
+    """How much wider a gap is where it is crossed than where the recording began [m], on average, and its derivative
+    (parameters,) with respect to the coordinates."""
+    name, places = found.model.axes[axis], crossings(found, axis)
+    moved = np.concatenate((np.zeros((1, len(found.at.shared))), 1e-4 * np.eye(len(found.at.shared))))
+    values = {
+        p.name: np.asarray(p.value(found.at.shared[k] + moved[:, k]))
+        for k, p in enumerate(found.model.parameters)
+    }
+    wider = effect.widening(values, name, np.broadcast_to(places, (len(moved), len(places))))[0].mean(axis=1)
+    return float(wider[0]), np.asarray((wider[1:] - wider[0]) / 1e-4)
+
+
+def crossings(found: Fitted, axis: int) -> FloatArray:
+    """Where the gap is crossed [m] from where the recording began: at CROSSED of every move's duration."""
     places = []
     for part in found.moves:
         for grid in part.grids:
             move = part.recording.moves[grid.index]
             places.append(float(part.plain[axis](move.start + CROSSED * move.duration)))
-    return float(np.mean(places))
+    return np.array(places)
 
 
 def slope_of(found: Fitted, k: int) -> float:

@@ -13,7 +13,7 @@ from service.dynamics.driven_effect import Case, DrivenEffect, Room
 from service.dynamics.driven_friction import add_corner
 from service.dynamics.driven_model import join, spring_damper
 from service.dynamics.driven_motion import between
-from service.dynamics.driven_parameters import LINKS, Parameter
+from service.dynamics.driven_parameters import LINKS, Parameter, Values
 from service.dynamics.driven_propagation import Guide, LinearSystem
 from service.recording import FloatArray
 
@@ -150,19 +150,55 @@ def bearing(system: LinearSystem, speed: int, level: FloatArray, mass: FloatArra
 
 @dataclass(frozen=True)
 class DrivenLocalBacklash(DrivenEffect):
-    """A gap whose width changes along the rack; `backlash` is then the width where the recording began."""
+    """A gap whose width waves along the rack. `backlash` is then its width where the recording began, `gap_slope` and
+    `gap_bow` its first and second derivative there: of a long wave no more is seen than these.
+
+    The width is that at the motor's place: the load's differs from it by the gap and what the chain winds up, over
+    which the width changes by a hundredth of both.
+    """
 
     name: ClassVar[str] = "position_dependent_backlash"
     means: ClassVar[str] = "the backlash changes along the travel: local wear, pinion runout"
     own: ClassVar[tuple[Parameter, ...]] = (
         Parameter("gap_slope", "1", 0.0, 0.01, logarithmic=False, low=-0.2, high=0.2, dose=1e-3),
+        Parameter("gap_bow", "1/m", 0.0, 5.0, logarithmic=False, dose=0.5),
+        Parameter("gap_period", "m", 0.03, 1.0, low=4e-3, high=0.5),
     )
+    shapes: ClassVar[tuple[Mapping[str, float], ...]] = tuple({"gap_period": p} for p in (8e-3, 15e-3, 6e-2))
+
+    @property
+    def motions(self) -> int:
+        return len(self.axes)
+
+    def follow(self, c: FloatArray, case: Case) -> FloatArray:
+        """How much wider the gap is than where the recording began."""
+        out = np.empty((*c.shape[:3], len(self.axes), c.shape[-1]))
+        for k, axis, x in self.each(case.model):
+            place, speed, rate = np.moveaxis(grid_points(c[:, :, :, x], case.h), -1, 0)
+            width, slope, bow = self.widening(case.values, axis, place)
+            out[:, :, :, k] = between(width, slope * speed, slope * rate + bow * speed**2, case.h)
+        return out
+
+    @staticmethod
+    def widening(values: Values, axis: str, place: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """How much wider the gap is [m] at places (S, …) [m] than where the recording began, and its first and second
+        derivative there."""
+        slope, bow, period = (
+            values[f"{axis}.gap_{name}"].reshape(-1, *(1,) * (place.ndim - 1))
+            for name in ("slope", "bow", "period")
+        )
+        kappa = 2.0 * np.pi / period
+        sine, cosine = np.sin(kappa * place), np.cos(kappa * place)
+        return (
+            np.asarray(slope / kappa * sine + bow / kappa**2 * (1.0 - cosine)),
+            np.asarray(slope * cosine + bow / kappa * sine),
+            np.asarray(bow * cosine - slope * kappa * sine),
+        )
 
     def carry(self, system: LinearSystem, case: Case, room: Room) -> None:
         """Before `assemble`: the pieces of a bent contact are as far off as the first."""
-        for _, axis, x in self.each(case.model):
-            slope = 0.5 * case.values[f"{axis}.gap_slope"]
-            system.approach[:, x, :, case.model.load(x)] -= slope[:, None]
+        for k, _, x in self.each(case.model):
+            system.approach[:, x, :, system.n + system.motor(room.motion + k)] -= 0.5
 
 
 @dataclass(frozen=True)

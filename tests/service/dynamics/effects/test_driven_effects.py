@@ -51,7 +51,7 @@ PLANTED = {
     },
     "curved_friction": {"X1.curved_level": 0.5, "X1.curved_power": 2.0},
     "gearbox_clearance": {"X1.clearance": 3e-5, "X1.pinion_friction": 0.15, "X1.pinion_viscous": 1.0},
-    "position_dependent_backlash": {"X1.gap_slope": 0.008},
+    "position_dependent_backlash": {"X1.gap_slope": 0.008, "X1.gap_bow": 9.0, "X1.gap_period": 9e-3},
     "preload_flank": {"X1.preload_stiffness": 2e4, "X1.preload_damping_ratio": 0.05},
     "contact_nonlinearity": {"X1.bend": 0.4},
     "transmission_ripple": {"X1.ripple_amplitude": 4e-6, "X1.ripple_phase": 1.0, "X1.ripple_period": 3e-3},
@@ -111,10 +111,15 @@ class Plain:
             return k * stretch + d * rate
         return one_sided(stretch, rate, 0.5 * self.e["clearance"], k, d)
 
-    def contact(self, s: float, r: float, x: float, v: float) -> float:
+    def contact(self, s: float, r: float, xm: float, vm: float) -> float:
         """The depth's rate counts, so a gap that widens under way damps too."""
-        k, half = self.v["contact_stiffness"], 0.5 * (self.v["backlash"] + self.get("gap_slope") * x)
-        rate = r - float(np.sign(s)) * 0.5 * self.get("gap_slope") * v
+        kappa = 2 * np.pi / self.e.get("gap_period", 1.0)
+        phase = float(np.arctan2(-self.get("gap_bow"), self.get("gap_slope") * kappa))
+        size = float(np.hypot(self.get("gap_slope") / kappa, self.get("gap_bow") / kappa**2))
+        wave = size * float(np.sin(kappa * xm + phase) - np.sin(phase))
+        k, half = self.v["contact_stiffness"], 0.5 * (self.v["backlash"] + wave)
+        steep = size * kappa * float(np.cos(kappa * xm + phase))
+        rate = r - float(np.sign(s)) * 0.5 * steep * vm
         d = 2 * self.v["contact_damping_ratio"] * np.sqrt(k)
         if not self.get("bend"):
             return one_sided(s, rate, half, k, d)
@@ -127,7 +132,7 @@ class Plain:
     def rates(self, t: float, z: FloatArray) -> list[float]:
         xp, vp, x, v, xh, vh, xb, vb = z
         xm, vm = self.motor(t)
-        drive, contact = self.drive(xm - xp, vm - vp), self.contact(xp - x + xb, vp - v + vb, x, v)
+        drive, contact = self.drive(xm - xp, vm - vp), self.contact(xp - x + xb, vp - v + vb, xm, vm)
         contact += self.preload(xp - x, vp - v)
         rub = self.friction(v - vb)
         a = contact - rub + self.get("constant_force")
