@@ -4,7 +4,7 @@ starts (``moves_starts``, ``moves_looks``), and judged on moves that were not fi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -178,7 +178,9 @@ def propose(
         for name, f in found.items()
     }
     trials = {c.name: in_best_shape(scene, base, c, trials[c.name]) for c in tried}
-    return finished(scene, trials)
+    trials = finished(scene, trials)
+    best = min(tried, key=lambda c: distance(trials[c.name]))
+    return trials | {best.name: in_other_shapes(scene, base, best, trials[best.name])}
 
 
 def begun_again(
@@ -214,14 +216,30 @@ def in_best_shape(
     fitted, they hardly tell a shape, such as how friction depends on speed, which shows in other moves: each is fitted
     and judged there, so that the held-out moves choose among a few shapes of one effect as they do among effects. So
     are standard sizes, as long as no more is missing than what every machine has may leave."""
-    fits: list[Fitted] = []
-    if candidate.effect.bends_friction and base.rms < DESCRIBED:
-        fits += (shaped(base, candidate, shape) for shape in scored(base, candidate, values_at(base)))
-    for effect in candidate.effect.standards if base.rms < SOUND else ():
-        fits.append(
-            standard(base, replace(candidate, effect=effect, model=with_last(candidate.model, effect)))
-        )
+    fits = list(all_shapes(base, candidate))
+    fits += (
+        standard(base, replace(candidate, effect=effect, model=with_last(candidate.model, effect)))
+        for effect in (candidate.effect.standards if base.rms < SOUND else ())
+    )
     return min((trial, *(trial_of(scene, f, thorough=False) for f in fits)), key=distance)
+
+
+def in_other_shapes(
+    scene: Scene, base: Fitted, candidate: Candidate, trial: Trial[Explained]
+) -> Trial[Explained]:
+    """The candidate's trial, or where its fit was ended and yet describes its own moves only, the nearest of its shapes
+    that are ended, too: until then the friction of another shape hides in the viscous one."""
+    if not (trial.model.ended and describes_its_own_only(trial)):
+        return trial
+    others = (trial_of(scene, settled(f, ROUNDS)) for f in all_shapes(base, candidate))
+    return min((trial, *(ended(scene, one) for one in others)), key=distance)
+
+
+def all_shapes(base: Fitted, candidate: Candidate) -> Iterator[Fitted]:
+    """The candidate in every shape of friction, where the train moves do not tell it."""
+    if candidate.effect.bends_friction and base.rms < DESCRIBED:
+        for shape in scored(base, candidate, values_at(base)):
+            yield shaped(base, candidate, shape)
 
 
 def with_last(model: Model, effect: DrivenEffect) -> Model:
@@ -274,8 +292,12 @@ def fitted_on(base: Fitted, found: dict[str, Fitted], tried: Sequence[Candidate]
 def to_the_end(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
     """The trial with its fit ended where it describes the moves that it was fitted to, but not the others: the noise of
     the speed, taken for the motor's motion, may have driven its numbers away."""
-    astray = trial.validation_rms > UNKNOWN_NUMBERS * max(1.0, trial.train_rms)
-    return ended(scene, trial) if trial.train_rms < SOUND and astray else trial
+    return ended(scene, trial) if trial.train_rms < SOUND and describes_its_own_only(trial) else trial
+
+
+def describes_its_own_only(trial: Trial[Explained]) -> bool:
+    """Whether the moves that were fitted are described much better than the others."""
+    return trial.validation_rms > UNKNOWN_NUMBERS * max(1.0, trial.train_rms)
 
 
 def leading(found: Mapping[str, float], count: int) -> list[str]:
