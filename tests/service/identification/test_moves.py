@@ -41,7 +41,11 @@ from service.backlash.signals import summed
 from service.captures import read_capture
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_library import DRIVEN
-from service.dynamics.effects.driven_transmission import DrivenBentContact, DrivenClearance
+from service.dynamics.effects.driven_transmission import (
+    DrivenBentContact,
+    DrivenClearance,
+    DrivenLocalBacklash,
+)
 from service.identification.axis_numbers import backlash_of, clearance_beside, unseen_depth
 from service.identification.held_out import held_out, told_by_train
 from service.identification.moves_end import SUMMED, over_the_ridge, steady
@@ -375,3 +379,19 @@ def test_where_a_bent_flank_begins_to_push_is_in_the_interval_of_the_backlash(fo
     assert k * depth * (depth / (push / k)) ** bend == pytest.approx(found.moves[0].noise[0])
     assert backlash_of(bent, 0)[1] > 0.5 * bend * depth
     assert unseen_depth(found, 0) == 0.0
+
+
+def test_a_gap_that_changes_along_the_rack_is_said_where_the_moves_cross_it(found: Fitted) -> None:
+    """Its width where the recording began, and what a wave of 9 mm adds up to at 0.6 of every move."""
+    model = replace(found.model, effects=(*found.model.effects, DrivenLocalBacklash(("X1",))))
+    planted = {"X1.gap_slope": 0.01, "X1.gap_bow": -4.0, "X1.gap_period": 9e-3}
+    at = point_at(model, values_at(found) | planted, found.moves)
+    (part,), kappa = found.moves, 2 * np.pi / 9e-3
+    steps = [part.recording.moves[grid.index] for grid in part.grids]
+    places = np.array([float(part.plain[0](step.start + 0.6 * step.duration)) for step in steps])
+    size, phase = np.hypot(0.01 / kappa, 4.0 / kappa**2), np.arctan2(4.0, 0.01 * kappa)
+    wider = float(np.mean(size * (np.sin(kappa * places + phase) - np.sin(phase))))
+    assert abs(wider) > 1e-6
+    b, std = backlash_of(fit(found.moves, model, at, 0), 0)
+    assert b == pytest.approx(found.value("X1.backlash") + wider, abs=1e-10)
+    assert std > backlash_of(found, 0)[1], "the wave is not known exactly, either"

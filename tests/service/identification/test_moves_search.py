@@ -263,6 +263,31 @@ def test_the_present_model_is_challenged_where_the_best_ended_with_gear_and_pini
     assert all(one.shape[1] == 2 * len(model.axes) + len(model.nuisance) for one in at.local)
 
 
+@pytest.mark.parametrize(
+    ("ended", "held_out", "chosen"),
+    [(True, 1.35, "shape 0.5 ended"), (True, 1.2, "first"), (False, 1.35, "first")],
+)
+def test_other_shapes_of_friction_are_ended_where_an_ended_fit_describes_its_own_moves_only(
+    monkeypatch: Any, ended: bool, held_out: float, chosen: str
+) -> None:
+    """One ended at a level of -0.9 and a power of 1.3 where 0.5 and 0.4 were planted: the viscous friction hid it."""
+
+    def trial(name: str, held: float, done: bool = True) -> Any:
+        explained = SimpleNamespace(ended=done)
+        return SimpleNamespace(model=explained, train_rms=0.99, validation_rms=held, held_rms=held, name=name)
+
+    errors = {"shape 0.5": 1.0, "shape 2.0": 1.34}
+    monkeypatch.setattr(moves_search, "all_shapes", lambda *_: iter(errors))
+    monkeypatch.setattr(moves_search, "settled", lambda name, _rounds: name)
+    monkeypatch.setattr(moves_search, "trial_of", lambda _scene, name: trial(name, 1.6))
+    monkeypatch.setattr(
+        moves_search, "ended", lambda _scene, one: trial(one.name + " ended", errors[one.name])
+    )
+    first = trial("first", held_out, ended)
+    best = moves_search.in_other_shapes(cast(Any, None), stub(1.0), cast(Any, None), first)
+    assert cast(Any, best).name == chosen
+
+
 def test_an_effect_begun_on_the_present_model_changes_nothing(shared_dir: Path) -> None:
     """At an amount of nothing the few moves are described as they were, also by a machine far from a typical one."""
     moves = moves_of(read_capture(shared_dir / "captures" / "none-train.parquet"), ("X1",))
