@@ -32,6 +32,11 @@ from service.recording import FloatArray
 
 EARLY = 0.45
 """Share of a held-out move in which its zeros are found again; the backlash pass comes after it."""
+ANYWHERE = tuple(np.linspace(-1.6, 1.6, 13))
+"""Coordinates at which a zero is looked for again, over its prior: a phase all around, the zero of a bridge in steps of
+which some lie on its slope."""
+FEW_ROUNDS, STARTS = 3, 3
+"""Rounds in which the loads come to lie before a zero is released, and from how many of its places it is."""
 NEAR = 4.0
 """RMS below which a fit may be the right one; only then its numbers tell of the machine."""
 SEARCHED = 1.03
@@ -101,16 +106,11 @@ def held_out(validate: Moves, found: Fitted, thorough: bool = True) -> Held:
     again, known = len(KNOWN) if swings_at_all(model) else 2, how_known(found.moves)
     for _ in KNOWN:
         (moves,), _ = swinging_on([moves], model, at, known)
-    for _ in range(again if thorough else 1):
-        early = [early_part(moves, EARLY)]
-        at = (
-            zeros_found(early, model, at, free)
-            if thorough
-            else fit(early, model, rests_found(early, model, at), 8, free=free).at
-        )
-        if thorough:
-            (moves,) = reconstructed(replace(found, moves=(moves,), at=at), follow=False)
-            (moves,), at = swinging_on([moves], model, at, known)
+    at = anew([early_part(moves, EARLY)], model, at, free)
+    for _ in range(again if thorough else 0):
+        at = zeros_found([early_part(moves, EARLY)], model, at, free)
+        (moves,) = reconstructed(replace(found, moves=(moves,), at=at), follow=False)
+        (moves,), at = swinging_on([moves], model, at, known)
     if thorough:
         at = fit([early_part(moves, EARLY)], model, at, 8, free=free).at
     predicted = predict(moves, model, at.shared[None], at.local[0][None]).acceleration()[0]
@@ -143,6 +143,28 @@ def told_by_train(found: Fitted) -> FloatArray:
     P = len(found.model.parameters)
     information, _ = found.slopes.normal(found.r)
     return np.asarray(np.linalg.inv(information + np.eye(len(information)))[:P, :P])
+
+
+def anew(moves: Sequence[Moves], model: Model, at: Point, free: Free) -> Point:
+    """The point with what an effect says has its zero found again where the moves are described best: looked for all
+    over its range where a fit from the train moves' own does not come near, and there from the best few. Where the
+    loads rest tells only once the zero is known, and it only once they lie about right."""
+    held = np.zeros(0, dtype=np.int64)
+    first = fit(moves, model, rests_found(moves, model, at), 8, free=free)
+    if not len(free) or first.rms < NEAR:
+        return first.at
+    places = []
+    for k in free:
+        for u in ANYWHERE:
+            shared = at.shared.copy()
+            shared[k] = u
+            lying = rests_found(moves, model, Point(shared, at.local))
+            places.append(fit(moves, model, lying, 0, free=held))
+    found = [first]
+    for begun in sorted(places, key=lambda f: f.rms)[:STARTS]:
+        still = fit(moves, model, begun.at, FEW_ROUNDS, free=held)
+        found.append(fit(moves, model, rests_found(moves, model, still.at), 8, free=free))
+    return min(found, key=lambda f: f.rms).at
 
 
 def zeros_found(moves: Sequence[Moves], model: Model, at: Point, free: Free) -> Point:

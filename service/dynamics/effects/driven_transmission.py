@@ -299,7 +299,7 @@ def damping(bend: FloatArray, bends: Sequence[float] = BENDS) -> FloatArray:
 
 @dataclass(frozen=True)
 class DrivenRipple(DrivenEffect):
-    """An error of the transmission that repeats along the travel; its phase is found again in every recording.
+    """An error of pinion and rack that repeats along the travel; its phase is found again in every recording.
 
     Attributes
     ----------
@@ -344,23 +344,34 @@ class DrivenRipple(DrivenEffect):
     def standards(self) -> tuple[DrivenRipple, ...]:
         return tuple(replace(self, module=module) for module in MODULES)
 
-    def drive(self, c: FloatArray, case: Case) -> FloatArray:
-        """Position, speed and acceleration of the error at the grid points; a polynomial between them."""
-        out = c.copy()
-        for _, axis, x in self.each(case.model):
+    @property
+    def motions(self) -> int:
+        return len(self.axes)
+
+    def follow(self, c: FloatArray, case: Case) -> FloatArray:
+        """The error at the motor's place, beyond that where a step begins: where the load rests is said from where its
+        flanks are then."""
+        out = np.empty((*c.shape[:3], len(self.axes), c.shape[-1]))
+        for k, axis, x in self.each(case.model):
             size, phase, period = (
                 case.values[f"{axis}.ripple_{p}"][:, None, None] for p in ("amplitude", "phase", "period")
             )
-            kappa, points = 2.0 * np.pi / period, grid_points(c[:, :, :, x], case.h)
-            angle = kappa * points[..., 0] + phase
-            speed = size * kappa * np.cos(angle) * points[..., 1]
-            curved = (
-                size * kappa * (np.cos(angle) * points[..., 2] - kappa * np.sin(angle) * points[..., 1] ** 2)
+            place, speed, rate = np.moveaxis(grid_points(c[:, :, :, x], case.h), -1, 0)
+            kappa = 2.0 * np.pi / period
+            error = size * np.sin(kappa * place + phase)
+            slope = size * kappa * np.cos(kappa * place + phase)
+            bow = -(kappa**2) * error
+            out[:, :, :, k] = between(
+                error - error[..., :1], slope * speed, slope * rate + bow * speed**2, case.h
             )
-            error = size * np.sin(angle)
-            position = error - error[..., :1]  # where the load rests is said from where its flanks are then
-            out[:, :, :, x] += between(position, speed, curved, case.h)
         return out
+
+    def carry(self, system: LinearSystem, case: Case, room: Room) -> None:
+        """Before `assemble`: the pieces of a bent contact are as far off as the first."""
+        for k, _, x in self.each(case.model):
+            error = system.n + system.motor(room.motion + k)
+            for side, sign in ((0, -1.0), (1, 1.0)):
+                system.approach[:, x, side, error] += sign
 
 
 def grid_points(c: FloatArray, h: float) -> FloatArray:

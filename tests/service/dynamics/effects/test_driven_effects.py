@@ -82,13 +82,14 @@ class Plain:
         t -= self.get("latency")
         x, v, a = (float(self.course(t, k)) for k in range(3))
         x, v = x + self.get("filter_time") * v, v + self.get("filter_time") * a
-        if self.get("ripple_amplitude"):
-            size, kappa = self.e["ripple_amplitude"], 2 * np.pi / self.e["ripple_period"]
-            angle = kappa * x + self.e["ripple_phase"]
-            begun = kappa * float(self.course(BEGIN, 0)) + self.e["ripple_phase"]
-            x += size * (np.sin(angle) - np.sin(begun))
-            v += size * kappa * np.cos(angle) * v
         return x, v
+
+    def ripple(self, xm: float, vm: float) -> tuple[float, float]:
+        """How much farther a pinion with such teeth pushes, and the rate of it."""
+        size, kappa = self.get("ripple_amplitude"), 2 * np.pi / self.e.get("ripple_period", 1.0)
+        angle = kappa * xm + self.get("ripple_phase")
+        begun = kappa * self.motor(BEGIN)[0] + self.get("ripple_phase")
+        return size * float(np.sin(angle) - np.sin(begun)), size * kappa * float(np.cos(angle)) * vm
 
     def friction(self, slip: float) -> float:
         up = self.v["coulomb"] + self.get("coulomb_asymmetry") + self.get("breakaway")
@@ -132,7 +133,9 @@ class Plain:
     def rates(self, t: float, z: FloatArray) -> list[float]:
         xp, vp, x, v, xh, vh, xb, vb = z
         xm, vm = self.motor(t)
-        drive, contact = self.drive(xm - xp, vm - vp), self.contact(xp - x + xb, vp - v + vb, xm, vm)
+        error, rate = self.ripple(xm, vm)
+        drive = self.drive(xm - xp, vm - vp)
+        contact = self.contact(xp - x + xb + error, vp - v + vb + rate, xm, vm)
         contact += self.preload(xp - x, vp - v)
         rub = self.friction(v - vb)
         a = contact - rub + self.get("constant_force")
