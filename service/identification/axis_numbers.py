@@ -56,9 +56,7 @@ def backlash_of(found: Fitted, axis: int) -> tuple[float, float]:
     k, gradient = names.index(f"{name}.backlash"), np.zeros(len(names))
     b, gradient[k] = found.value(names[k]), slope_of(found, k)
     for effect in found.model.effects:
-        if isinstance(
-            effect, DrivenLocalBacklash
-        ):  # the gap is then that of the place where the recording began
+        if isinstance(effect, DrivenLocalBacklash):
             wider, more = widening(found, effect, axis)
             b, gradient = b + wider, gradient + more
     floor, share = STRUCTURE
