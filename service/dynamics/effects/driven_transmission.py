@@ -153,8 +153,8 @@ class DrivenLocalBacklash(DrivenEffect):
     """A gap whose width waves along the rack. `backlash` is then its width where the recording began, `gap_slope` and
     `gap_bow` its first and second derivative there: of a long wave no more is seen than these.
 
-    The width is that at the motor's place: the load's differs from it by the gap and what the chain winds up, over
-    which the width changes by a hundredth of both.
+    The width is that at the motor's place: the load's differs from it by the gap and what the chain winds up, and so
+    the width by `gap_slope` times as much.
     """
 
     name: ClassVar[str] = "position_dependent_backlash"
@@ -174,9 +174,8 @@ class DrivenLocalBacklash(DrivenEffect):
         """How much wider the gap is than where the recording began."""
         out = np.empty((*c.shape[:3], len(self.axes), c.shape[-1]))
         for k, axis, x in self.each(case.model):
-            place, speed, rate = np.moveaxis(grid_points(c[:, :, :, x], case.h), -1, 0)
-            width, slope, bow = self.widening(case.values, axis, place)
-            out[:, :, :, k] = between(width, slope * speed, slope * rate + bow * speed**2, case.h)
+            points = grid_points(c[:, :, :, x], case.h)
+            out[:, :, :, k] = along(*self.widening(case.values, axis, points[..., 0]), points, case.h)
         return out
 
     @staticmethod
@@ -356,14 +355,10 @@ class DrivenRipple(DrivenEffect):
             size, phase, period = (
                 case.values[f"{axis}.ripple_{p}"][:, None, None] for p in ("amplitude", "phase", "period")
             )
-            place, speed, rate = np.moveaxis(grid_points(c[:, :, :, x], case.h), -1, 0)
-            kappa = 2.0 * np.pi / period
-            error = size * np.sin(kappa * place + phase)
-            slope = size * kappa * np.cos(kappa * place + phase)
-            bow = -(kappa**2) * error
-            out[:, :, :, k] = between(
-                error - error[..., :1], slope * speed, slope * rate + bow * speed**2, case.h
-            )
+            kappa, points = 2.0 * np.pi / period, grid_points(c[:, :, :, x], case.h)
+            angle = kappa * points[..., 0] + phase
+            error, slope = size * np.sin(angle), size * kappa * np.cos(angle)
+            out[:, :, :, k] = along(error - error[..., :1], slope, -(kappa**2) * error, points, case.h)
         return out
 
     def carry(self, system: LinearSystem, case: Case, room: Room) -> None:
@@ -372,6 +367,13 @@ class DrivenRipple(DrivenEffect):
             error = system.n + system.motor(room.motion + k)
             for side, sign in ((0, -1.0), (1, 1.0)):
                 system.approach[:, x, side, error] += sign
+
+
+def along(value: FloatArray, slope: FloatArray, bow: FloatArray, points: FloatArray, h: float) -> FloatArray:
+    """Motion (S, T, K, J) of what depends on the place, by its value and its first and second derivative (S, T, K + 1)
+    at the grid points, see `grid_points`."""
+    speed, rate = points[..., 1], points[..., 2]
+    return between(value, slope * speed, slope * rate + bow * speed**2, h)
 
 
 def grid_points(c: FloatArray, h: float) -> FloatArray:

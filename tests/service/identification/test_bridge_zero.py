@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from service.backlash.moves import moves_of, some_of
+from service.backlash.moves import Moves, moves_of, some_of
 from service.backlash.moves_begun import point_at
-from service.backlash.moves_fit import Point, fit, resting, rests_found, values_at
+from service.backlash.moves_fit import Fitted, Point, fit, resting, rests_found, values_at
 from service.captures import read_capture
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_bodies import DrivenGantryCoupling
@@ -17,14 +17,20 @@ from service.identification.bridge_zero import bridge_zero, moved_to
 from service.identification.held_out import held_out, rms
 
 
-def test_a_zero_is_found_again_wherever_the_motors_began(shared_dir: Path) -> None:
-    """The second motor's positions begin 70 µm elsewhere: the bridge's zero is found 70 µm elsewhere, and undone."""
+def fitted_gantry(shared_dir: Path) -> tuple[Moves, Fitted]:
+    """All moves of a gantry, and the declared model fitted to four of them."""
     recording = read_capture(shared_dir / "captures" / "declared-gantry-00.parquet")
     axes = tuple(axis.name for axis in recording.axes)
     moves, model = moves_of(recording, axes), Model(axes, 1, (), "whole_move", ("constant", "skew"))
     few = [some_of(moves, 4)]
     at = rests_found(few, model, Point(np.zeros(len(model.parameters)), resting(few, model)))
-    shared = fit(few, model, at, 12).at.shared
+    return moves, fit(few, model, at, 12)
+
+
+def test_a_zero_is_found_again_wherever_the_motors_began(shared_dir: Path) -> None:
+    """The second motor's positions begin 70 µm elsewhere: the bridge's zero is found 70 µm elsewhere, and undone."""
+    moves, few = fitted_gantry(shared_dir)
+    model, shared = few.model, few.at.shared
     first = bridge_zero(moves, model, shared)
     elsewhere = moved_to(moves, 70e-6, 0.0)
     second = bridge_zero(elsewhere, model, shared)
@@ -35,14 +41,10 @@ def test_a_zero_is_found_again_wherever_the_motors_began(shared_dir: Path) -> No
 
 def test_a_bridge_that_was_added_is_found_relaxed_wherever_the_motors_began(shared_dir: Path) -> None:
     """The zero of a held-out recording may lie far from that of the train recording: a fit from there ends anywhere."""
-    recording = read_capture(shared_dir / "captures" / "declared-gantry-00.parquet")
-    axes = tuple(axis.name for axis in recording.axes)
-    moves, declared = moves_of(recording, axes), Model(axes, 1, (), "whole_move", ("constant", "skew"))
-    few = [some_of(moves, 4)]
-    at = rests_found(few, declared, Point(np.zeros(len(declared.parameters)), resting(few, declared)))
-    values = values_at(fit(few, declared, at, 12))
+    _, declared = fitted_gantry(shared_dir)
+    axes, few = declared.model.axes, declared.moves
     added = Model(axes, 1, (DrivenGantryCoupling(axes),), "whole_move", ("constant", "skew"), bridge=False)
-    found = fit(few, added, point_at(added, values, few), 0)
+    found = fit(few, added, point_at(added, values_at(declared), few), 0)
     near, far = (
         held_out(moved_to(few[0], apart, 0.0), found, thorough=False).weighed for apart in (0.0, 120e-6)
     )
