@@ -7,15 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from service.backlash.moves_begun import point_at, resettled
+from service.backlash.moves_fit import Fitted, fit, found_again, values_at
 from service.dynamics.effects.driven_library import DRIVEN
 from service.identification.axis_numbers import backlash_of
 from service.identification.axis_verdict import LEFT
 from service.identification.explanation import CannotExplain
-from service.identification.held_out import trial_of
+from service.identification.held_out import anew, trial_of
 from service.identification.moves_end import ended, settled
 from service.identification.moves_search import propose
 from service.identification.moves_starts import ROUNDS
-from service.identification.scene import declared_fit, scene_of
+from service.identification.scene import Scene, declared_fit, scene_of
 from service.recording import Recording
 
 
@@ -34,7 +36,7 @@ class RevisedValue:
 
 
 def revised_values(
-    recording: Recording, axes: Sequence[str], effects: Sequence[str]
+    recording: Recording, axes: Sequence[str], effects: Sequence[str], others: Sequence[Recording] = ()
 ) -> Mapping[str, RevisedValue]:
     """Fit one axis, or two that move together, with the named effects added to the declared model, as the search for
     them does, with nothing to choose.
@@ -43,6 +45,8 @@ def revised_values(
     ----------
     recording : with motor speed and load acceleration of the axes, and diagnostic moves
     effects : identifiers of the library, in the order in which they were found
+    others : recordings of the same axes. Where a fit ends in a wrong valley, it is begun once more with the numbers
+        that describe one of these; it lends a place to begin, and no value
 
     Raises
     ------
@@ -51,16 +55,40 @@ def revised_values(
     unknown = [name for name in effects if name not in DRIVEN]
     if unknown:
         raise CannotExplain(f"{', '.join(unknown)}: the model of diagnostic moves has no such effect")
-    library = tuple(DRIVEN.values())
     with np.errstate(all="ignore"):  # a random machine may be unstable; its cost counts as infinite
-        scene = scene_of([recording], recording, tuple(axes), tuple(axes) in recording.gantry, library)
-        present, taken = trial_of(scene, settled(declared_fit(scene), ROUNDS)), tuple[str, ...]()
-        for name in effects:
-            present = propose(scene, (DRIVEN[name],), present, taken, lambda _text: None)[name]
-            taken = (*taken, name)
-        found = ended(scene, present).model.fitted
+        scene = _scene(recording, axes)
+        found = _searched(scene, effects)
+        for other in others:
+            if found.rms <= LEFT:
+                break
+            there = _searched(_scene(other, axes), effects)
+            if there.rms <= LEFT:
+                found = min(found, _begun_from(scene, there), key=lambda f: f.rms)
     values = {}
     for x, axis in enumerate(axes):
         b, std = backlash_of(found, x)
         values[axis] = RevisedValue(b, (max(0.0, b - 1.96 * std), b + 1.96 * std), found.rms)
     return values
+
+
+def _scene(recording: Recording, axes: Sequence[str]) -> Scene:
+    together = tuple(axes) in recording.gantry
+    return scene_of([recording], recording, tuple(axes), together, tuple(DRIVEN.values()))
+
+
+def _searched(scene: Scene, effects: Sequence[str]) -> Fitted:
+    """The model with the effects, found from nothing."""
+    present, taken = trial_of(scene, settled(declared_fit(scene), ROUNDS)), tuple[str, ...]()
+    for name in effects:
+        present = propose(scene, (DRIVEN[name],), present, taken, lambda _text: None)[name]
+        taken = (*taken, name)
+    return ended(scene, present).model.fitted
+
+
+def _begun_from(scene: Scene, there: Fitted) -> Fitted:
+    """The model begun with the numbers that it has of another recording; its zeros are found again."""
+    model = there.model
+    at = anew(scene.train, model, point_at(model, values_at(there), scene.train), found_again(model))
+    begun = resettled(scene.train, model, at)
+    found = settled(fit(begun.moves, model, begun.at, ROUNDS), ROUNDS)
+    return ended(scene, trial_of(scene, found)).model.fitted

@@ -36,18 +36,20 @@ class Reviser(Protocol):
         Parameters
         ----------
         recording : the run
-        others : neighbouring runs of the same axes, which may judge a fit but never lend it values
+        others : neighbouring runs of the same axes, which may judge a fit or show where it begins, and lend it no
+            value
         """
 
 
 def by_refitting(
     recording: Recording, effects: Effects, others: Sequence[Recording]
 ) -> tuple[AxisResult, ...]:
-    """Fit the run with the effects in the model; refuse a value where they leave more than the noise."""
+    """Fit the run with the effects in the model; refuse a value where they leave more than the noise. A neighbour may
+    show where to begin."""
     out = []
     for axis, names in effects.items():
         try:
-            value = revised_values(recording, _moving_with(recording, axis, names), names)[axis]
+            value = revised_values(recording, _moving_with(recording, axis, names), names, others)[axis]
         except CannotExplain as error:
             out.append(_refused(axis, str(error)))
             continue

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from service.captures import read_capture
+from service.identification import revise
 from service.identification.explanation import CannotExplain
 from service.identification.revise import revised_values
 
@@ -30,6 +32,26 @@ def test_the_wrong_effect_leaves_too_much(shared_dir: Path) -> None:
     few = replace(recording, moves=recording.moves[:5])
     found = revised_values(few, ("X1",), ("sensor_gain",))
     assert not found["X1"].explained
+
+
+def test_a_fit_that_ended_wrongly_begins_once_more_where_another_recording_is_described(
+    shared_dir: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = shared_dir / "captures"
+    truth = json.loads((folder / "constant_force-truth.json").read_text())["backlash_m"]["X1"]
+    run, other = (read_capture(folder / f"constant_force-{part}.parquet") for part in ("validate", "train"))
+    search, noise_of_run = revise._searched, revise._scene(run, ("X1",)).validate.noise[0]
+
+    def lost(scene: revise.Scene, effects: Sequence[str]) -> revise.Fitted:
+        """The search for the run ends nowhere, the one for the other recording where it should."""
+        of_run = scene.validate.noise[0] == noise_of_run
+        return revise.declared_fit(scene) if of_run else search(scene, effects)
+
+    monkeypatch.setattr(revise, "_searched", lost)
+    assert not revised_values(run, ("X1",), ("constant_force",))["X1"].explained
+    found = revised_values(run, ("X1",), ("constant_force",), [other])["X1"]
+    assert found.explained
+    assert found.backlash == pytest.approx(truth, abs=1e-6)
 
 
 def test_an_effect_without_a_model_of_moves_is_refused(shared_dir: Path) -> None:
