@@ -80,8 +80,10 @@ def _searched(scene: Scene, effects: Sequence[str]) -> Fitted:
     """The model with the effects, found from nothing."""
     present, taken = trial_of(scene, settled(declared_fit(scene), ROUNDS)), tuple[str, ...]()
     for name in effects:
-        present = propose(scene, (DRIVEN[name],), present, taken, lambda _text: None)[name]
-        taken = (*taken, name)
+        trials = propose(scene, (DRIVEN[name],), present, taken, lambda _text: None)
+        if name not in trials:  # a few moves show that it will not do
+            break
+        present, taken = trials[name], (*taken, name)
     return ended(scene, present).model.fitted
 
 
