@@ -64,6 +64,14 @@ class FindingView(Found):
         description="A named effect, nothing, or something that no known effect explains."
     )
     effects: list[str] = Field(description="Names of the effects, the strongest first.")
+    accepted: list[str] = Field(
+        default=[],
+        description="Effects that the model had by an accepted revision; 'effects' are beyond them.",
+    )
+    absent: list[str] = Field(
+        default=[],
+        description="Effects of the accepted revision that the run does not show; the declared model was judged.",
+    )
     indistinguishable: list[list[str]] = Field(
         description="Groups of effects that these moves cannot tell apart."
     )
@@ -74,7 +82,7 @@ class FindingView(Found):
     noise_rms: float | None = Field(
         description="The sensor's noise, measured at rest, in the channel's unit."
     )
-    before: ErrorView = Field(description="The declared model's error.")
+    before: ErrorView = Field(description="The error of the declared model, or of the accepted one.")
     after: ErrorView = Field(description="The error with the effects.")
     parameters: dict[str, ParameterView] = Field(description="The model's numbers, by name.")
 

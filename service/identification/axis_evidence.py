@@ -37,13 +37,17 @@ def shares(moves: Moves) -> FloatArray:
     return np.stack(out)
 
 
-def evidence_of(held: Held, selection: Selection[Explained], finding: Finding, axis: int) -> tuple[str, ...]:
+def evidence_of(
+    held: Held, selection: Selection[Explained], finding: Finding, axis: int, model: str = "declared"
+) -> tuple[str, ...]:
+    """What the moves show of an axis; `held` are those that judge, by the model before the search, and `model` says
+    which that is."""
     noise = held.moves.noise[axis]
     errors, share = held.errors[:, axis] * noise, shares(held.moves)
     parts = [rms(errors[(share >= k / 5) & (share < (k + 1) / 5)]) for k in range(5)]
     worst = int(np.argmax(parts))
     lines = [
-        f"residual of the declared model: {rms(errors):.4g} m/s² against a noise of {noise:.4g}",
+        f"residual of the {model} model: {rms(errors):.4g} m/s² against a noise of {noise:.4g}",
         f"largest between {20 * worst} and {20 * worst + 20} % of the move ({parts[worst]:.4g} m/s²)",
     ]
     for word, d in (("positive", 1.0), ("negative", -1.0)):

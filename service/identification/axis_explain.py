@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,12 +11,13 @@ from service.dynamics.driven_model import DrivenEffect
 from service.dynamics.effects.driven_library import DRIVEN
 from service.dynamics.effects.driven_sensors import DrivenBias
 from service.identification.axis_verdict import LEFT_BY_ONE, verdict
-from service.identification.explanation import AxisExplanation
+from service.identification.explanation import Accepted, AxisExplanation
+from service.identification.given_effects import as_accepted, names_of, with_effects_of
 from service.identification.held_out import SEARCHED, Explained, trial_of
 from service.identification.moves_end import ended, settled
 from service.identification.moves_search import challenged, propose, without
 from service.identification.scene import Scene, declared_fit, scene_of
-from service.identification.selection import Limits, Selection, Trial, select
+from service.identification.selection import Limits, Selection, Trial, distance, select
 from service.recording import Recording
 
 MATERIAL = 0.1
@@ -34,27 +35,40 @@ def explain_axes(
     validate: Recording,
     axes: Sequence[str],
     tell: Callable[[str], None] = lambda _message: None,
+    accepted: Mapping[str, Accepted] | None = None,
 ) -> tuple[AxisExplanation, ...]:
-    """The verdicts on one axis, or on the two that move together, in the acceleration channel."""
+    """The verdicts on one axis, or on the two that move together, in the acceleration channel.
+
+    What they are `accepted` to have, by axis, is in the model before anything is searched, if the moves show it.
+    """
+    expected, there = names_of(accepted or {}, axes), tuple[str, ...]()
     tell(f"{' and '.join(axes)}: fitting the declared model")
     with np.errstate(all="ignore"):  # a random machine may be unstable; its cost counts as infinite
         library = tuple(DRIVEN.values())
         scene = scene_of(train, validate, tuple(axes), tuple(axes) in validate.gantry, library)
-        found = settled(declared_fit(scene), 12)
+        before = ended(scene, trial_of(scene, settled(declared_fit(scene), 12)))
+        tell(f"declared model: RMS {before.train_rms:.3f}, held out {before.validation_rms:.3f} of the noise")
+        if expected and accepted:
+            tell(f"fitting the accepted model: {', '.join(expected)}")
+            revised = as_accepted(scene, before, accepted)
+            if distance(revised) < (1.0 - MATERIAL) * distance(before):
+                before, there, scene = revised, expected, with_effects_of(scene, revised)
+            tell(
+                f"accepted model: {revised.train_rms:.3f}, held out {revised.validation_rms:.3f} of the noise"
+            )
         # Every fit holds moves of its own; those of the scene would only keep the large answers of their motors.
         scene = replace(scene, train=())
-        before = ended(scene, trial_of(scene, found))
-        tell(f"declared model: RMS {before.train_rms:.3f}, held out {before.validation_rms:.3f} of the noise")
+        absent = () if there else expected
         if scene.clipped:  # what is cut off looks like many an effect: nothing is named that was fitted to it
             tell(f"the accelerometer of {' and '.join(scene.clipped)} was over its range")
-            return verdict(scene, Selection(before, before, (), (), ()))
+            return verdict(scene, Selection(before, before, (), (), ()), there, absent)
         selection = None
-        if scene.zero_wanders:
+        if scene.zero_wanders and DrivenBias.name not in there:
             tell("the accelerometer's zero wanders while the axis rests")
             selection = searched(scene, before, tell, first=(DrivenBias,))
         if selection is None or not selection.effects:
             selection = searched(scene, before, tell)
-    return verdict(scene, selection)
+    return verdict(scene, selection, there, absent)
 
 
 def searched(
@@ -65,7 +79,8 @@ def searched(
 ) -> Selection[Explained]:
     """What is found in the library; with `first`, of which there is evidence beside the moves, begun with nothing else
     and however little is missing."""
-    library = tuple(DRIVEN.values())
+    held = {effect.name for effect in before.model.fitted.model.effects}
+    library = tuple(kind for kind in DRIVEN.values() if kind.name not in held)
     return select(
         before,
         lambda present, taken: propose(

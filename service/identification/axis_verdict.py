@@ -18,6 +18,7 @@ from service.identification.explanation import (
     Parameter,
     Prediction,
 )
+from service.identification.given_effects import LEFT
 from service.identification.held_out import SEARCHED, SEEN_AT_REST, Explained, Held, rms
 from service.identification.scene import Scene
 from service.identification.selection import Selection, Trial, explained, gone, left, shown
@@ -25,8 +26,6 @@ from service.recording import FloatArray
 
 LEFT_BY_CLEAN = 1.25
 """RMS over what is expected up to which what is left may be next to nothing (chosen)."""
-LEFT = 1.6
-"""Held-out RMS over the noise up to which the named effects count as the whole explanation (chosen)."""
 LEFT_BY_ONE = 3.0
 """The same for an effect that explains nearly all by itself: what it leaves is how its law differs from the machine's
 (chosen)."""
@@ -77,11 +76,18 @@ PART = 0.5
 """Share of the excess variance that has to be explained for a name: less is a part of something else (chosen)."""
 
 
-def verdict(scene: Scene, selection: Selection[Explained]) -> tuple[AxisExplanation, ...]:
-    """One verdict per axis of the scene."""
+def verdict(
+    scene: Scene,
+    selection: Selection[Explained],
+    accepted: tuple[str, ...] = (),
+    absent: tuple[str, ...] = (),
+) -> tuple[AxisExplanation, ...]:
+    """One verdict per axis of the scene: on what is missing beyond the effects that were `accepted` before the search;
+    those that the moves do not show are `absent`."""
     finding, effects = finding_of(selection, seen_at_rest=SEEN_AT_REST if scene.zero_wanders else ())
     if scene.clipped:
         finding, effects = "unknown", ()
+    model = "accepted" if accepted else "declared"
     before = selection.before.model
     after = selection.after.model if finding == "effect" else before
     return tuple(
@@ -102,8 +108,10 @@ def verdict(scene: Scene, selection: Selection[Explained]) -> tuple[AxisExplanat
                 for c in selection.candidates
             ),
             parameters=_parameters(after.fitted, a),
-            evidence=(*over_range(scene, name), *evidence_of(before.held, selection, finding, a)),
+            evidence=(*over_range(scene, name), *evidence_of(before.held, selection, finding, a, model)),
             predictions=(_prediction("before", before.held, a), _prediction("after", after.held, a)),
+            accepted=accepted,
+            absent=absent,
         )
         for a, name in enumerate(scene.validate.axes)
     )

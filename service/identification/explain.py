@@ -6,11 +6,11 @@ there are diagnostic moves, else motor minus load, else the torque balance at th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from service.identification.axis_explain import explain_axes
 from service.identification.checks import check_recordings
-from service.identification.explanation import AxisExplanation, CannotExplain, Explanation
+from service.identification.explanation import Accepted, AxisExplanation, CannotExplain, Explanation
 from service.identification.regression import RegressionChannel
 from service.identification.regression_explain import explain_regression
 from service.recording import Recording
@@ -18,12 +18,16 @@ from service.recording import Recording
 MIN_MOVES = 4
 """Moves that a recording needs for a verdict: two in each direction."""
 MIN_ACCELERATION_HZ = 500.0
+NOTHING: Mapping[str, Accepted] = {}
 
 
 def explain(
-    train: Sequence[Recording], validate: Recording, tell: Callable[[str], None] = lambda _message: None
+    train: Sequence[Recording],
+    validate: Recording,
+    tell: Callable[[str], None] = lambda _message: None,
+    accepted: Mapping[str, Accepted] = NOTHING,
 ) -> Explanation:
-    """What the declared model of each axis lacks.
+    """What the model of each axis lacks: the declared one, or the one that was accepted since.
 
     Parameters
     ----------
@@ -31,6 +35,8 @@ def explain(
     validate : the recording that judges them; only where the pinion or a position sensor has its zero is found
         again in it
     tell : called with a line of progress now and then
+    accepted : by axis, what its model has by an accepted revision, as far as diagnostic moves tell; beyond it is
+        searched as long as the moves show it, and else beyond the declared model
 
     Raises
     ------
@@ -39,7 +45,7 @@ def explain(
     check_recordings(train, validate)
     found: list[AxisExplanation] = []
     for axes in _groups(validate):
-        found += _explain_group(train, validate, axes, tell)
+        found += _explain_group(train, validate, axes, tell, accepted)
     return Explanation(tuple(found))
 
 
@@ -57,12 +63,16 @@ def _groups(validate: Recording) -> list[tuple[str, ...]]:
 
 
 def _explain_group(
-    train: Sequence[Recording], validate: Recording, axes: tuple[str, ...], tell: Callable[[str], None]
+    train: Sequence[Recording],
+    validate: Recording,
+    axes: tuple[str, ...],
+    tell: Callable[[str], None],
+    accepted: Mapping[str, Accepted],
 ) -> list[AxisExplanation]:
     everything = (*train, validate)
     if all((a, c) in r.traces for r in everything for a in axes for c in ("motor_speed", "acceleration")):
         _moves_allow(everything, axes)
-        return list(explain_axes(train, validate, axes, tell))
+        return list(explain_axes(train, validate, axes, tell, accepted))
     found = []
     for axis in axes:
         one = _explain_regression(train, validate, axis, tell)

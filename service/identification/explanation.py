@@ -30,6 +30,15 @@ class Parameter:
 
 
 @dataclass(frozen=True)
+class Accepted:
+    """What the model of an axis has by an accepted revision: names of effects, and the numbers that it was found with,
+    under the names and in the units of an axis' ``parameters``: a place to begin."""
+
+    effects: tuple[str, ...]
+    numbers: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class Candidate:
     """One effect that was tried as the next addition.
 
@@ -83,7 +92,11 @@ class Prediction:
 
 @dataclass(frozen=True)
 class AxisExplanation:
-    """The verdict on one axis in one channel; ``effects`` in the order in which they were found, strongest first."""
+    """The verdict on one axis in one channel; ``effects`` in the order in which they were found, strongest first.
+
+    ``accepted`` are the effects that the model had already, ``before`` and ``after`` alike; ``absent`` those that it
+    was accepted to have and that the moves do not show.
+    """
 
     axis: str
     channel: str
@@ -98,6 +111,8 @@ class AxisExplanation:
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
     evidence: tuple[str, ...] = ()
     predictions: tuple[Prediction, ...] = ()
+    accepted: tuple[str, ...] = ()
+    absent: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -169,6 +184,8 @@ def _axis_json(axis: AxisExplanation) -> dict[str, Any]:
         "channel": axis.channel,
         "finding": axis.finding,
         "effects": list(axis.effects),
+        "accepted": list(axis.accepted),
+        "absent": list(axis.absent),
         "indistinguishable": [list(group) for group in axis.indistinguishable],
         "separating_move": _move_json(axis.separating_move),
         "candidates": [_candidate_json(c) for c in axis.candidates],

@@ -7,15 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from service.backlash.moves_begun import point_at, resettled
-from service.backlash.moves_fit import Fitted, fit, found_again, values_at
+from service.backlash.moves_fit import Fitted, values_at
 from service.dynamics.effects.driven_library import DRIVEN
 from service.identification.axis_numbers import backlash_of
-from service.identification.axis_verdict import LEFT
 from service.identification.explanation import CannotExplain
-from service.identification.held_out import anew, trial_of
-from service.identification.moves_end import ended, settled
-from service.identification.moves_search import propose
+from service.identification.given_effects import LEFT, begun_with, searched_for
+from service.identification.held_out import trial_of
+from service.identification.moves_end import settled
 from service.identification.moves_starts import ROUNDS
 from service.identification.scene import Scene, declared_fit, scene_of
 from service.recording import Recording
@@ -78,19 +76,10 @@ def _scene(recording: Recording, axes: Sequence[str]) -> Scene:
 
 def _searched(scene: Scene, effects: Sequence[str]) -> Fitted:
     """The model with the effects, found from nothing."""
-    present, taken = trial_of(scene, settled(declared_fit(scene), ROUNDS)), tuple[str, ...]()
-    for name in effects:
-        trials = propose(scene, (DRIVEN[name],), present, taken, lambda _text: None)
-        if name not in trials:  # a few moves show that it will not do
-            break
-        present, taken = trials[name], (*taken, name)
-    return ended(scene, present).model.fitted
+    declared = trial_of(scene, settled(declared_fit(scene), ROUNDS))
+    return searched_for(scene, declared, effects).model.fitted
 
 
 def _begun_from(scene: Scene, there: Fitted) -> Fitted:
-    """The model begun with the numbers that it has of another recording; its zeros are found again."""
-    model = there.model
-    at = anew(scene.train, model, point_at(model, values_at(there), scene.train), found_again(model))
-    begun = resettled(scene.train, model, at)
-    found = settled(fit(begun.moves, model, begun.at, ROUNDS), ROUNDS)
-    return ended(scene, trial_of(scene, found)).model.fitted
+    """The model begun with the numbers that it has of another recording."""
+    return begun_with(scene, there.model, values_at(there)).model.fitted

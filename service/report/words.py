@@ -130,16 +130,31 @@ def named(effects: Sequence[str]) -> str:
 
 
 def finding_in_words(found: Mapping[str, Any]) -> str:
-    """Say what an explanation found for one axis (an element of ``axes`` in its JSON)."""
+    """Say what an explanation found for one axis (an element of ``axes`` in its JSON), and what that was accepted does
+    not show."""
+    absent = found.get("absent", ())
+    if not absent:
+        return _finding(found)
+    return (
+        f"{_finding(found)} The run shows nothing of what was accepted for the model ({named(absent)}): it was "
+        "mended, or has changed."
+    )
+
+
+def _finding(found: Mapping[str, Any]) -> str:
+    accepted = found.get("accepted", ())
+    model = f"accepted model (with {named(accepted)})" if accepted else "declared model"
     if found["finding"] == "none":
-        return "Nothing is missing: the declared model explains the run up to the sensor's noise."
+        return f"Nothing is missing: the {model} explains the run up to the sensor's noise."
     if found["finding"] == "unknown":
+        where = f"Something is missing in the {model}" if accepted else "Something is missing"
         return (
-            "Something is missing, and no effect that Flankwatch knows explains it. Look for what is loose or has "
+            f"{where}, and no effect that Flankwatch knows explains it. Look for what is loose or has "
             "changed; the backlash value of this run may be off by more than its interval says."
         )
     rivals = [group for group in found["indistinguishable"] if len(group) > 1]
-    said = f"The model lacks {named(found['effects'])}. {_change(found)}"
+    lacking = f"The {model} lacks" if accepted else "The model lacks"
+    said = f"{lacking} {named(found['effects'])}. {_change(found)}"
     if rivals:
         said += f" In these moves {named(rivals[0])} look alike; another move would tell them apart."
     return said

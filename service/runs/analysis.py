@@ -25,8 +25,8 @@ from typing import Any
 from service.backlash.estimate import immediate, refined
 from service.backlash.results import AxisResult
 from service.captures import CaptureError, read_capture
-from service.identification.explain import explain
-from service.identification.explanation import CannotExplain, Explanation
+from service.identification.explain import NOTHING, explain
+from service.identification.explanation import Accepted, CannotExplain, Explanation
 from service.recording import Recording
 from service.runs.revised import Effects, Explainer, Reviser, by_refitting
 
@@ -104,10 +104,14 @@ class Analysis(AbstractContextManager["Analysis"]):
         return tuple(self._apart(job, path))
 
     def explain(
-        self, train: Sequence[KnownCapture], validate: KnownCapture, tell: Tell = lambda _: None
+        self,
+        train: Sequence[KnownCapture],
+        validate: KnownCapture,
+        tell: Tell = lambda _: None,
+        accepted: Mapping[str, Accepted] = NOTHING,
     ) -> Explanation:
-        """What the declared model lacks. Raises AnalysisError, CaptureError, CannotExplain."""
-        job = partial(_explain, self._explainer, tuple(train), validate)
+        """What the declared model lacks, or the accepted one. Raises AnalysisError, CaptureError, CannotExplain."""
+        job = partial(_explain, self._explainer, tuple(train), validate, dict(accepted))
         found: Explanation = self._apart(job, validate.path, tell, LOWEST)
         return found
 
@@ -173,9 +177,13 @@ def _refine(capture: KnownCapture, tell: Tell) -> Results:
 
 
 def _explain(
-    explainer: Explainer, train: Sequence[KnownCapture], validate: KnownCapture, tell: Tell
+    explainer: Explainer,
+    train: Sequence[KnownCapture],
+    validate: KnownCapture,
+    accepted: Mapping[str, Accepted],
+    tell: Tell,
 ) -> Explanation:
-    return explainer([capture.read() for capture in train], validate.read(), tell)
+    return explainer([capture.read() for capture in train], validate.read(), tell, accepted)
 
 
 def _revise(

@@ -6,7 +6,7 @@ The one place where the bus and the mathematics of backlash meet.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -15,7 +15,7 @@ from typing import Protocol
 from service.backlash.estimate import best
 from service.backlash.results import AxisResult
 from service.captures import CaptureError, write_capture
-from service.identification.explanation import Explanation
+from service.identification.explanation import Accepted, Explanation
 from service.motion.client import MotionError
 from service.motion.messages import Progress, Recorded, Steps
 from service.recording import Recording
@@ -48,9 +48,13 @@ class Analysis(Protocol):
         """In seconds to tens of seconds, a fraction of a micrometre accurate."""
 
     def explain(
-        self, train: Sequence[KnownCapture], validate: KnownCapture, tell: Callable[[str], None]
+        self,
+        train: Sequence[KnownCapture],
+        validate: KnownCapture,
+        tell: Callable[[str], None],
+        accepted: Mapping[str, Accepted],
     ) -> Explanation:
-        """In minutes, what the declared model lacks."""
+        """In minutes, what the axes' models lack beyond what is accepted of them."""
 
     def revised(
         self, capture: KnownCapture, effects: Effects, others: Sequence[KnownCapture]

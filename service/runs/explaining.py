@@ -11,7 +11,7 @@ from typing import Literal
 
 from service.captures import CaptureError
 from service.captures.report import write_predictions
-from service.identification.explanation import CannotExplain, Explanation
+from service.identification.explanation import Accepted, CannotExplain, Explanation
 from service.runs.analysis import AnalysisError, AnalysisStopped
 from service.runs.deciding import decide
 from service.runs.diagnostic_run import Workshop
@@ -56,7 +56,7 @@ def _answer(workshop: Workshop, order: ExplanationRecord, tell: Callable[[str], 
     try:
         train = [known_capture(folder, repository.run(number)) for number in order.train_run_ids]
         validate = known_capture(folder, repository.run(order.run_id))
-        return _Answer("done", workshop.analysis.explain(train, validate, tell))
+        return _Answer("done", workshop.analysis.explain(train, validate, tell, _accepted(workshop, order)))
     except (CannotExplain, CaptureError, NothingToExplain) as error:
         return _Answer("cannot_tell", detail=str(error))
     except AnalysisStopped:
@@ -65,6 +65,17 @@ def _answer(workshop: Workshop, order: ExplanationRecord, tell: Callable[[str], 
         )
     except AnalysisError as error:
         return _Answer("failed", detail=str(error))
+
+
+def _accepted(workshop: Workshop, order: ExplanationRecord) -> dict[str, Accepted]:
+    """What is in force beyond the declared models of a run's axes."""
+    models = workshop.repository.models
+    revisions = {axis: models.in_force(axis) for axis in workshop.repository.run(order.run_id).axes}
+    return {
+        axis: Accepted(revision.effects, revision.numbers)
+        for axis, revision in revisions.items()
+        if revision is not None
+    }
 
 
 def _end(workshop: Workshop, order: ExplanationRecord, answer: _Answer) -> ExplanationEnd:

@@ -9,6 +9,9 @@ was guessed on a straddling pair is not repeated by the next one.
 
 Leading effects agree when they are the same, or when one verdict calls the two indistinguishable.
 
+A revision goes beyond the one in force: a finding that was searched beyond another model, because that one was
+accepted after the search had begun, is not proposed; the next runs tell what is missing now.
+
 Nothing is proposed that the axis' accepted revision already holds, that waits for a decision, or that a person
 has rejected: whoever rejected it knows of it, and its verdicts stay with the runs.
 """
@@ -46,12 +49,19 @@ def to_propose(
     found = now.of_axis(axis)
     if found is None or not is_effect(found):
         return None
-    if in_force is not None and set(found["effects"]) <= set(in_force.effects):
+    if in_force is not None and not _is_beyond(found, in_force):
         return None
     settled = [r for r in revisions if r.state in ("proposed", "rejected")]
     if any(set(found["effects"]) <= set(r.effects) for r in settled):
         return None
     return _confirmed_finding(now, _verdicts(others, axis, now.run_id), axis)
+
+
+def _is_beyond(found: Finding, in_force: RevisionRecord) -> bool:
+    """Whether a finding adds to the revision in force, and was searched beyond it, or where it does not show any
+    more."""
+    begun_with = {*found.get("accepted", ()), *found.get("absent", ())}
+    return begun_with == set(in_force.effects) and not set(found["effects"]) <= begun_with
 
 
 def is_effect(found: Finding) -> bool:

@@ -12,14 +12,22 @@ from typing import Protocol
 
 from service.backlash.results import AxisResult, Reason
 from service.identification.explain import explain
-from service.identification.explanation import AxisExplanation, CannotExplain, ErrorReport, Explanation
+from service.identification.explanation import (
+    Accepted,
+    AxisExplanation,
+    CannotExplain,
+    ErrorReport,
+    Explanation,
+)
 from service.identification.revise import revised_values
 from service.recording import Recording
 
 Effects = Mapping[str, tuple[str, ...]]
 """By axis, the names of the effects that its model has beyond the declared one."""
 
-Explainer = Callable[[Sequence[Recording], Recording, Callable[[str], None]], Explanation]
+Explainer = Callable[
+    [Sequence[Recording], Recording, Callable[[str], None], Mapping[str, Accepted]], Explanation
+]
 """``service.identification.explain.explain``, or what stands for it."""
 
 METHOD = "revised_model"
@@ -103,7 +111,7 @@ def _judged_on(
     recording: Recording, effects: Effects, other: Recording, explainer: Explainer
 ) -> dict[str, AxisResult]:
     try:
-        answer = explainer([recording], other, lambda _text: None)
+        answer = explainer([recording], other, lambda _text: None, {})
     except CannotExplain as error:
         return {axis: _refused(axis, str(error)) for axis in effects}
     explained = {found.axis: found for found in answer.axes}

@@ -81,8 +81,15 @@ class RevisionRecord:
 
     @property
     def effects(self) -> tuple[str, ...]:
-        """The effects that the revised model has beyond the declared one, strongest first."""
-        return tuple(self.finding.get("effects", ()))
+        """The effects that the revised model has beyond the declared one: those of the revision before, then those that
+        were found beyond it, strongest first."""
+        return (*self.finding.get("accepted", ()), *self.finding.get("effects", ()))
+
+    @property
+    def numbers(self) -> Mapping[str, float]:
+        """The model's numbers as they were found, by the names and in the units of the finding."""
+        found = self.finding.get("parameters", {})
+        return {name: one["value"] for name, one in found.items() if one["value"] is not None}
 
     @property
     def series(self) -> str:

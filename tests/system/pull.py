@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -13,6 +13,7 @@ import numpy as np
 from service.backlash.estimate import immediate
 from service.backlash.results import Reason
 from service.identification.explanation import (
+    Accepted,
     AxisExplanation,
     ErrorReport,
     Explanation,
@@ -42,7 +43,12 @@ def pull(recording: Recording, axis: str) -> float:
     return float(np.mean(torque.value)) / recording.axis(axis).transmission
 
 
-def explain_pull(train: Sequence[Recording], validate: Recording, tell: Callable[[str], None]) -> Explanation:
+def explain_pull(
+    train: Sequence[Recording],
+    validate: Recording,
+    tell: Callable[[str], None],
+    _accepted: Mapping[str, Accepted],
+) -> Explanation:
     """Find it where both recordings have it; the backlash is the paper's, before and after."""
     return Explanation(tuple(_axis(train[-1], validate, axis.name) for axis in validate.axes))
 

@@ -55,7 +55,7 @@ def test_an_explanation_is_accepted_followed_and_read(nights: House) -> None:
     problem(nights.client.get(f"{location}/report"), 404, "nothing-to-show")
     number = explained(nights)
     found = nights.get(f"/api/v1/explanations/{number}")
-    assert found["found"]["axes"][0] == FINDING
+    assert found["found"]["axes"][0] == {**FINDING, "accepted": [], "absent": []}
     assert "time lag" in found["in_words"]["X1"]
     page = nights.client.get(found["report"])
     assert (page.text, page.headers["Content-Type"]) == (PAGE, "text/html; charset=utf-8")

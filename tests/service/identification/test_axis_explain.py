@@ -10,6 +10,7 @@ import pytest
 
 from service.captures import read_capture
 from service.identification.explain import explain
+from service.identification.explanation import Accepted
 
 
 def test_a_clean_machine_yields_nothing(shared_dir: Path) -> None:
@@ -55,3 +56,14 @@ def test_a_late_sensor_is_named_alone_and_the_value_set_right(shared_dir: Path) 
     assert before is not None
     assert after is not None
     assert abs(after - b) < 1e-6 < abs(before - b)
+    numbers = {name: p.value for name, p in axis.parameters.items()}
+    again = explain([train], validate, accepted={"X1": Accepted(("sensor_latency",), numbers)}).axes[0]
+    assert (again.finding, again.accepted, again.absent) == ("none", ("sensor_latency",), ())
+    assert again.before.backlash == pytest.approx(b, abs=1e-6)
+
+
+def test_what_was_accepted_and_does_not_show_is_said_to_be_absent(shared_dir: Path) -> None:
+    folder = shared_dir / "captures"
+    train, validate = (read_capture(folder / f"none-{part}.parquet") for part in ("train", "validate"))
+    axis = explain([train], validate, accepted={"X1": Accepted(("constant_force",))}).axes[0]
+    assert (axis.finding, axis.accepted, axis.absent) == ("none", (), ("constant_force",))

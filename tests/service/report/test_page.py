@@ -15,7 +15,7 @@ from tests.service.runs.bench import explained, recording
 
 def page(note: str | None) -> str:
     train, judge = recording(note, seed=1), recording(note, seed=2)
-    found = explained([train], judge, lambda _: None)
+    found = explained([train], judge, lambda _: None, {})
     return report_page(
         "Model check", ["Judged on <run 2>."], found.as_json(), predicted_traces(found.predictions()), judge
     )
@@ -46,7 +46,7 @@ def test_a_residual_along_the_travel_is_drawn_over_it() -> None:
 
 
 def test_findings_in_words() -> None:
-    found = explained([recording("sensor_latency")], recording("sensor_latency", seed=2), lambda _: None)
+    found = explained([recording("sensor_latency")], recording("sensor_latency", seed=2), lambda _: None, {})
     axis = found.as_json()["axes"][0]
     assert finding_in_words(axis).startswith("The model lacks a time lag")
     assert "look alike" in finding_in_words(
@@ -54,4 +54,12 @@ def test_findings_in_words() -> None:
     )
     assert finding_in_words(axis | {"finding": "none"}).startswith("Nothing is missing")
     assert "no effect that Flankwatch knows" in finding_in_words(axis | {"finding": "unknown"})
+    revised = axis | {"accepted": ["hung_mass_mode"]}
+    assert finding_in_words(revised).startswith(
+        "The accepted model (with an elastically hung mass on the carriage) lacks a time lag"
+    )
+    assert "explains the run" in finding_in_words(revised | {"finding": "none"})
+    assert "missing in the accepted model" in finding_in_words(revised | {"finding": "unknown"})
+    absent = axis | {"finding": "none", "absent": ["hung_mass_mode"]}
+    assert "shows nothing of what was accepted" in finding_in_words(absent)
     assert named(["a_b", "c_d", "e_f"]) == "a b, c d and e f"

@@ -6,8 +6,8 @@ both runs of a pair have it, and "unknown" where the pair straddles a change, as
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ import numpy as np
 from service.backlash.results import AxisResult, Reason
 from service.captures import write_capture
 from service.identification.explanation import (
+    Accepted,
     AxisExplanation,
     Candidate,
     CannotExplain,
@@ -56,25 +57,44 @@ def recording(note: str | None, axes: Sequence[str] = ("Y",), seed: int = 0) -> 
     )
 
 
-def explained(train: Sequence[Recording], validate: Recording, tell: Callable[[str], None]) -> Explanation:
-    """Read the notes of the captures."""
+def explained(
+    train: Sequence[Recording],
+    validate: Recording,
+    tell: Callable[[str], None],
+    accepted: Mapping[str, Accepted],
+) -> Explanation:
+    """Read the notes of the captures; what is accepted is there if it is noted."""
     tell("reads the notes")
     if validate.note == "flat":
         raise CannotExplain("Y acceleration: flat; the sensor is dead or unplugged")
     names = {one.note for one in (*train, validate)}
-    effect = validate.note if len(names) == 1 else None
-    finding = "effect" if effect else ("none" if names == {None} else "unknown")
+    effects = tuple(validate.note.split(", ")) if validate.note and len(names) == 1 else ()
+    finding = "effect" if effects else ("none" if names == {None} else "unknown")
     return Explanation(
-        tuple(_axis(axis.name, finding, effect, train[-1], validate) for axis in validate.axes)
+        tuple(
+            _beyond(_axis(axis.name, finding, effects, train[-1], validate), accepted)
+            for axis in validate.axes
+        )
     )
 
 
+def _beyond(found: AxisExplanation, accepted: Mapping[str, Accepted]) -> AxisExplanation:
+    """The verdict begun with what is accepted of the axis, where that is noted."""
+    known = accepted[found.axis].effects if found.axis in accepted else ()
+    if not set(known) <= set(found.effects):
+        return replace(found, absent=known)
+    more = tuple(name for name in found.effects if name not in known)
+    if known and not more and found.finding == "effect":
+        return replace(found, finding="none", before=found.after, effects=(), accepted=known)
+    return replace(found, effects=more, accepted=known)
+
+
 def _axis(
-    axis: str, finding: Any, effect: str | None, train: Recording, validate: Recording
+    axis: str, finding: Any, effects: tuple[str, ...], train: Recording, validate: Recording
 ) -> AxisExplanation:
     wrong = WRONG_B if train.note else TRUE_B
     before = ErrorReport(0.09, 0.1, 0.1, 0.9, wrong, (wrong - 1e-6, wrong + 1e-6))
-    after = ErrorReport(0.03, 0.031, 0.03, 0.1, TRUE_B, (TRUE_B - 1e-6, TRUE_B + 1e-6)) if effect else before
+    after = ErrorReport(0.03, 0.031, 0.03, 0.1, TRUE_B, (TRUE_B - 1e-6, TRUE_B + 1e-6)) if effects else before
     trace = validate.traces[axis, "acceleration"]
     moving = (trace.time >= 0.35) & (trace.time < 0.95)
     time, value = trace.time[moving], trace.value[moving]
@@ -85,23 +105,25 @@ def _axis(
         0.03,
         before,
         after,
-        effects=(effect,) if effect else (),
+        effects=effects,
         candidates=(
-            Candidate(effect, 0.031, 1e-9, True, "best"),
+            Candidate(effects[0], 0.031, 1e-9, True, "best"),
             Candidate("sensor_gain", 0.09, 0.4, False, "no"),
         )
-        if effect
+        if effects
         else (),
-        parameters={"latency_s": Parameter(0.0017, 1e-5, "s")} if effect else {},
+        parameters={"latency_s": Parameter(0.0017, 1e-5, "s")} if effects else {},
         predictions=(Prediction("before", time, 0.5 * value), Prediction("after", time, 0.9 * value)),
     )
 
 
 @dataclass
 class NoteReader:
-    """An analysis in the test's own process; counts the pairs that it was asked about."""
+    """An analysis in the test's own process; notes the pairs that it was asked about, and the
+    accepted numbers that it was told."""
 
     pairs: list[tuple[str, str]] = field(default_factory=list)
+    accepted: list[dict[str, Mapping[str, float]]] = field(default_factory=list)
     stopped: bool = False
 
     def immediate(self, path: Path, sha256: str) -> Sequence[AxisResult]:
@@ -110,10 +132,15 @@ class NoteReader:
     refined = immediate
 
     def explain(
-        self, train: Sequence[KnownCapture], validate: KnownCapture, tell: Callable[[str], None]
+        self,
+        train: Sequence[KnownCapture],
+        validate: KnownCapture,
+        tell: Callable[[str], None],
+        accepted: Mapping[str, Accepted],
     ) -> Explanation:
         self.pairs.append((train[-1].path.stem, validate.path.stem))
-        return explained([one.read() for one in train], validate.read(), tell)
+        self.accepted.append({axis: one.numbers for axis, one in accepted.items()})
+        return explained([one.read() for one in train], validate.read(), tell, accepted)
 
     def revised(
         self, capture: KnownCapture, effects: Effects, others: Sequence[KnownCapture]

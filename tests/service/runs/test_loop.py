@@ -13,6 +13,7 @@ from service.backlash.results import AxisResult, Reason
 from service.monitoring.alarm import AlarmEvent
 from service.runs.deciding import AxisGoneError
 from service.runs.pairs import NothingToExplain, training_runs
+from service.runs.proposing import to_propose
 from service.runs.refinement import refine
 from service.runs.workbench import MOST_WAITING, Workbench
 from service.store.errors import AlreadyDecidedError, UnknownRecordError
@@ -94,6 +95,41 @@ def test_another_effect_after_an_accepted_one_is_proposed(bench: Bench, workbenc
     workbench.decide(proposed(bench)[0].id, accept=True, by="A. Smith", note=None)
     nights(bench, workbench, "hung_mass_mode", "hung_mass_mode", "hung_mass_mode")
     assert [revision.effects for revision in proposed(bench)] == [("hung_mass_mode",)]
+
+
+def test_what_is_found_beyond_an_accepted_revision_is_proposed_beside_it(
+    bench: Bench, workbench: Workbench
+) -> None:
+    """The verdicts begin with what is accepted, and with its numbers; both effects are in the revision that follows."""
+    nights(bench, workbench, EFFECT, EFFECT, EFFECT)
+    workbench.decide(proposed(bench)[0].id, accept=True, by="A. Smith", note=None)
+    (night,) = nights(bench, workbench, EFFECT)
+    again = verdict(bench, night).of_axis("Y")
+    assert again is not None
+    assert (again["finding"], again["accepted"]) == ("none", [EFFECT])
+    assert bench.analysis.accepted[0] == {}
+    assert bench.analysis.accepted[-1]["Y"] == {"latency_s": 0.0017}
+    nights(bench, workbench, *[f"{EFFECT}, hung_mass_mode"] * 3)
+    (revision,) = proposed(bench)
+    assert revision.effects == (EFFECT, "hung_mass_mode")
+    assert revision.finding["effects"] == ["hung_mass_mode"]
+
+
+def test_a_finding_beyond_another_model_than_the_one_in_force_is_not_proposed(
+    bench: Bench, workbench: Workbench
+) -> None:
+    """It was searched while the revision waited for its decision, and says nothing of what is in there."""
+    nights(bench, workbench, EFFECT, EFFECT, EFFECT)
+    (first,) = proposed(bench)
+    workbench.decide(first.id, accept=True, by="A. Smith", note=None)
+    in_force = bench.repository.models.in_force("Y")
+    runs = nights(bench, workbench, *[f"{EFFECT}, hung_mass_mode"] * 3)
+    *others, last = (verdict(bench, number) for number in runs)
+    found = last.of_axis("Y")
+    assert found is not None
+    declared = replace(last, found={"axes": [{**found, "accepted": [], "absent": []}]})
+    assert to_propose(last, others, "Y", (), in_force) is not None
+    assert to_propose(declared, others, "Y", (), in_force) is None
 
 
 def test_an_accepted_revision_restates_history_beside_the_old_one(bench: Bench, workbench: Workbench) -> None:
