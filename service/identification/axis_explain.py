@@ -17,7 +17,7 @@ from service.identification.held_out import SEARCHED, Explained, trial_of
 from service.identification.moves_end import ended, settled
 from service.identification.moves_search import challenged, propose, without
 from service.identification.scene import Scene, declared_fit, scene_of
-from service.identification.selection import Limits, Selection, Trial, distance, select
+from service.identification.selection import Limits, Selection, Trial, distance, left, select
 from service.recording import Recording
 
 MATERIAL = 0.1
@@ -28,6 +28,8 @@ residual is that of a friction curve or an impact slightly off, which many effec
 MOST = 2
 """Effects that are named of one axis' moves (chosen): each is searched for as long as the first."""
 LIMITS = Limits(MATERIAL, SEARCHED, FURTHER, LEFT_BY_ONE, MOST)
+BEYOND = replace(LIMITS, material=FURTHER[0], enough=FURTHER[1])
+"""Beyond accepted effects the next one is a further one."""
 
 
 def explain_axes(
@@ -61,20 +63,36 @@ def explain_axes(
         absent = () if there else expected
         if scene.clipped:  # what is cut off looks like many an effect: nothing is named that was fitted to it
             tell(f"the accelerometer of {' and '.join(scene.clipped)} was over its range")
-            return verdict(scene, Selection(before, before, (), (), ()), there, absent)
-        selection = None
-        if scene.zero_wanders and DrivenBias.name not in there:
-            tell("the accelerometer's zero wanders while the axis rests")
-            selection = searched(scene, before, tell, first=(DrivenBias,))
-        if selection is None or not selection.effects:
-            selection = searched(scene, before, tell)
-    return verdict(scene, selection, there, absent)
+            return verdict(scene, nothing_beyond(before), there, absent)
+        return verdict(scene, missing_in(scene, before, there, tell), there, absent)
+
+
+def nothing_beyond(trial: Trial[Explained]) -> Selection[Explained]:
+    """The outcome where nothing was searched."""
+    return Selection(trial, trial, (), (), ())
+
+
+def missing_in(
+    scene: Scene, before: Trial[Explained], accepted: Sequence[str], tell: Callable[[str], None]
+) -> Selection[Explained]:
+    """What is missing in the model that is declared, or that was accepted. A zero that is seen to wander at rest is
+    asked for first. What accepted effects leave is the next one's only where it is more than a law leaves that differs
+    a little from the machine's, as after a first effect."""
+    if scene.zero_wanders and DrivenBias.name not in accepted:
+        tell("the accelerometer's zero wanders while the axis rests")
+        found = searched(scene, before, tell, LIMITS, first=(DrivenBias,))
+        if found.effects:
+            return found
+    if accepted and left(before) <= FURTHER[1]:
+        return nothing_beyond(before)
+    return searched(scene, before, tell, BEYOND if accepted else LIMITS)
 
 
 def searched(
     scene: Scene,
     before: Trial[Explained],
     tell: Callable[[str], None],
+    limits: Limits,
     first: Sequence[type[DrivenEffect]] = (),
 ) -> Selection[Explained]:
     """What is found in the library; with `first`, of which there is evidence beside the moves, begun with nothing else
@@ -89,7 +107,7 @@ def searched(
         refine=lambda trial: ended(scene, trial),
         tell=tell,
         challenge=lambda present, best: challenged(scene, present, best),
-        limits=replace(LIMITS, enough=0.0) if first else LIMITS,
+        limits=replace(limits, enough=0.0) if first else limits,
         size=lambda trial: len(trial.model.fitted.model.parameters),
         contains=lambda name: DRIVEN[name].contains,
         nearly=lambda name: DRIVEN[name].nearly,

@@ -84,7 +84,8 @@ def verdict(
 ) -> tuple[AxisExplanation, ...]:
     """One verdict per axis of the scene: on what is missing beyond the effects that were `accepted` before the search;
     those that the moves do not show are `absent`."""
-    finding, effects = finding_of(selection, seen_at_rest=SEEN_AT_REST if scene.zero_wanders else ())
+    seen_at_rest = SEEN_AT_REST if scene.zero_wanders else ()
+    finding, effects = finding_of(selection, seen_at_rest, LEFT if accepted else LEFT_BY_CLEAN)
     if scene.clipped:
         finding, effects = "unknown", ()
     model = "accepted" if accepted else "declared"
@@ -118,12 +119,13 @@ def verdict(
 
 
 def finding_of(
-    selection: Selection[Explained], seen_at_rest: tuple[str, ...] = ()
+    selection: Selection[Explained], seen_at_rest: tuple[str, ...] = (), sound: float = LEFT_BY_CLEAN
 ) -> tuple[Finding, tuple[str, ...]]:
     """``effect`` only when the named effects leave near nothing: a part of an unknown is not an explanation. What was
-    `seen_at_rest`, beside all moves, is no impurity that a fit may imagine."""
+    `seen_at_rest`, beside all moves, is no impurity that a fit may imagine. A model that leaves no more
+    than `sound` may lack nothing."""
     before, after, effects = selection.before, selection.after, selection.effects
-    nothing: Finding = "none" if _little(before) and left(after) <= LEFT_BY_CLEAN else "unknown"
+    nothing: Finding = "none" if _little(before) and left(after) <= sound else "unknown"
     if not effects:
         return nothing, ()
     alone = len(effects) == 1 and explained(before, after)

@@ -51,6 +51,12 @@ def test_effects_are_named_when_they_leave_next_to_nothing(
     assert (found, named) == (finding, effects if finding == "effect" else ())
 
 
+def test_a_sound_model_of_accepted_effects_may_leave_what_its_laws_leave() -> None:
+    selection = Selection(trial(1.4, 2.5), trial(1.4, 2.5), (), (), ())
+    assert axis_verdict.finding_of(selection)[0] == "unknown"
+    assert axis_verdict.finding_of(selection, sound=axis_verdict.LEFT)[0] == "none"
+
+
 def test_an_impurity_that_moves_the_backlash_by_next_to_nothing_is_none(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

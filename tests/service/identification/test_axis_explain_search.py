@@ -1,0 +1,48 @@
+"""Where the search for what is missing begins, and when nothing is searched."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from service.identification import axis_explain
+from service.identification.axis_explain import BEYOND, LIMITS, missing_in
+from service.identification.selection import Selection, Trial
+
+
+def trial(train: float, held_out: float) -> Trial[Any]:
+    return Trial("model", train, held_out, np.ones(5), np.zeros(0), 100.0)
+
+
+@pytest.mark.parametrize(
+    ("errors", "accepted", "wanders", "asked"),
+    [
+        ((1.1, 2.4), (), False, ["all"]),
+        ((1.1, 2.4), ("hung_mass_mode",), False, []),
+        ((1.7, 1.8), ("hung_mass_mode",), False, ["beyond"]),
+        ((1.1, 1.2), ("hung_mass_mode",), True, ["zero"]),
+        ((1.1, 1.2), ("sensor_bias",), True, []),
+        ((1.7, 1.8), (), True, ["zero", "all"]),
+    ],
+)
+def test_beyond_what_is_accepted_only_more_than_a_law_leaves_is_searched(
+    monkeypatch: pytest.MonkeyPatch,
+    errors: tuple[float, float],
+    accepted: tuple[str, ...],
+    wanders: bool,
+    asked: list[str],
+) -> None:
+    said: list[str] = []
+
+    def searched(_scene: Any, before: Trial[Any], _tell: Any, limits: Any, first: Any = ()) -> Selection[Any]:
+        said.append("zero" if first else {id(LIMITS): "all", id(BEYOND): "beyond"}[id(limits)])
+        return Selection(before, before, (), (), ())
+
+    monkeypatch.setattr(axis_explain, "searched", searched)
+    scene: Any = SimpleNamespace(zero_wanders=wanders)
+    found = missing_in(scene, trial(*errors), accepted, lambda _text: None)
+    assert said == asked
+    assert found.effects == ()
