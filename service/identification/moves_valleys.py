@@ -19,6 +19,7 @@ from service.identification.moves_starts import (
     BRIEF,
     FEW,
     Candidate,
+    begun_at,
     everywhere,
     fewer,
     on_a_few_moves,
@@ -100,11 +101,14 @@ def about(
 def fitted_best(
     few: Sequence[Moves], candidate: Candidate, begun: Sequence[Sequence[tuple[float, Point]]], count: int
 ) -> list[Fitted]:
-    """All fitted, but the best `count` for a few rounds only: how near a set comes as it is says little."""
+    """All fitted, but only the best `count` for more than a few rounds: how near a set comes as it is says little.
+    These begin with every move's zeros found anew: where a load rests tells only once the machine is about right, and
+    beside a wrong rest the right machine stays as far from the moves as a wrong one."""
     quick = sorted(
         (fit(few, candidate.model, at, QUICK) for part in begun for _, at in part), key=lambda f: f.rms
     )
-    return [fit(few, f.model, f.at, BRIEF) for f in quick[:count]]
+    best = ((f.model, begun_at(few, f.model, values_at(f), f.at.local)) for f in quick[:count])
+    return [fit(few, model, at, BRIEF) for model, at in best]
 
 
 def survivors(fits: Sequence[Fitted], candidate: Candidate) -> list[Fitted]:

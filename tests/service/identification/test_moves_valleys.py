@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from service.dynamics.effects.driven_library import DRIVEN
-from service.identification.moves_valleys import APART, POPULATION, survivors
+from service.identification import moves_valleys
+from service.identification.moves_valleys import APART, POPULATION, QUICK, fitted_best, survivors
 
 CLEARANCE = DRIVEN["gearbox_clearance"](("X1",))
 VALUES = {
@@ -36,6 +37,26 @@ def test_of_fits_that_ended_alike_the_best_lives_on() -> None:
     assert len(survivors(gone, cast(Any, SimpleNamespace(effect=CLEARANCE)))) == 2, (
         "no gap at all is one valley"
     )
+
+
+def test_the_best_after_a_few_rounds_have_their_zeros_found_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    """How near a set comes as it is says little, and a fit that rests wrongly stays where it is."""
+
+    def fit(_moves: Any, _model: Any, at: Any, rounds: int) -> Any:
+        after, rest = at
+        left = after if rounds == QUICK else after - (0.5 if rest == "anew" else 0.1)
+        return SimpleNamespace(rms=left, model="model", at=SimpleNamespace(local=rest, after=left))
+
+    def begun_at(_moves: Any, _model: Any, values: Any, local: Any) -> Any:
+        assert local == "given", "what was found so far is one of the places"
+        return (values, "anew")
+
+    monkeypatch.setattr(moves_valleys, "fit", fit)
+    monkeypatch.setattr(moves_valleys, "begun_at", begun_at)
+    monkeypatch.setattr(moves_valleys, "values_at", lambda found: found.at.after)
+    begun: Any = [[(9.0, (3.0, "given"))], [(1.0, (4.0, "given")), (2.0, (2.0, "given"))]]
+    found = fitted_best((), cast(Any, SimpleNamespace(model="model")), begun, 2)
+    assert [f.rms for f in found] == [1.5, 2.5], "the third is given up"
 
 
 def test_two_gaps_divide_anew_and_keep_their_sum() -> None:
