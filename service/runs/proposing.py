@@ -59,9 +59,9 @@ def to_propose(
 
 def _is_beyond(found: Finding, in_force: RevisionRecord) -> bool:
     """Whether a finding adds to the revision in force, and was searched beyond it, or where it does not show any
-    more."""
+    more. Of two axes that move together it was searched beyond what either has."""
     begun_with = {*found.get("accepted", ()), *found.get("absent", ())}
-    return begun_with == set(in_force.effects) and not set(found["effects"]) <= begun_with
+    return begun_with >= set(in_force.effects) and not set(found["effects"]) <= begun_with
 
 
 def is_effect(found: Finding) -> bool:

@@ -130,6 +130,10 @@ def test_a_finding_beyond_another_model_than_the_one_in_force_is_not_proposed(
     declared = replace(last, found={"axes": [{**found, "accepted": [], "absent": []}]})
     assert to_propose(last, others, "Y", (), in_force) is not None
     assert to_propose(declared, others, "Y", (), in_force) is None
+    of_both = replace(last, found={"axes": [{**found, "accepted": [EFFECT, "sensor_gain"]}]})
+    assert to_propose(of_both, others, "Y", (), in_force) is not None, (
+        "what its partner has is in the model, too"
+    )
 
 
 def test_an_accepted_revision_restates_history_beside_the_old_one(bench: Bench, workbench: Workbench) -> None:
