@@ -43,6 +43,13 @@ def sources(folder: Path) -> str:
     return hashlib.sha256(b"".join(text for text in texts if b"dynamics.compiled import" in text)).hexdigest()
 
 
+def is_kept(function: Callable[..., object]) -> bool | None:
+    """Whether machine code of a compiled function is kept; None where there is no place to keep it."""
+    kept = getattr(function, "_cache", None)
+    index = getattr(kept, "_cache_file", None)
+    return None if index is None else bool(index._load_index())
+
+
 def lean(function: F) -> F:
     """As `compiled`, for a function that allocates nothing."""
     return compiled(function, _nrt=False)

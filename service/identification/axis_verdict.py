@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from service.backlash.moves_fit import Fitted
+from service.dynamics.effects.driven_library import DRIVEN
 from service.identification.axis_evidence import evidence_of, over_range, separating_move
 from service.identification.axis_numbers import backlash_of, deviations
 from service.identification.explanation import (
@@ -142,7 +143,8 @@ def finding_of(
             return "none", ()
     error = left if len(effects) == 1 else shown
     most = max(after.train_rms, after.validation_rms)
-    near = error(after) <= (LEFT_BY_ONE if alone else LEFT) and most <= CHANGED
+    exact = any(DRIVEN[name].many_valleys for name in effects if name in DRIVEN)
+    near = error(after) <= (LEFT_BY_ONE if alone and not exact else LEFT) and most <= CHANGED
     wholly = alone and after.train_rms <= LEFT and explained(before, after, WHOLLY)
     if wholly or (near and explained(before, after, PART) and _fitted_too(before, after)):
         return "effect", effects

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
+from service.dynamics.compiling import compiled_apart
 from service.identification.axis_explain import explain_axes
 from service.identification.checks import check_recordings
 from service.identification.explanation import Accepted, AxisExplanation, CannotExplain, Explanation
@@ -43,6 +44,7 @@ def explain(
     CannotExplain : the recordings allow no verdict; the message says why and what to do
     """
     check_recordings(train, validate)
+    compiled_apart()
     found: list[AxisExplanation] = []
     for axes in _groups(validate):
         found += _explain_group(train, validate, axes, tell, accepted)

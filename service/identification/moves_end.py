@@ -12,6 +12,7 @@ import numpy as np
 from service.backlash.moves import Moves
 from service.backlash.moves_begun import Values
 from service.backlash.moves_fit import Fitted, Point, fit, reconstructed, values_at
+from service.dynamics.driven_model import LINKS
 from service.identification.held_out import DESCRIBED, NEAR, Explained, overdamped, trial_of
 from service.identification.moves_looks import ENDED
 from service.identification.moves_rests import KNOWN, how_known, swinging_on, swings_at_all
@@ -42,6 +43,8 @@ SOUND = 2.0
 to 1.6 it may be called sound)."""
 HOPELESS = NEAR
 """RMS from which on neither another start nor more rounds nor what still swings makes a fit's effect the right one."""
+CORNERED = 4.5
+"""Standard deviations of its prior beyond which no mass and no spring of a chain is."""
 AS_WELL = 1.1
 """How much farther from the moves a fit with a sound damping may be (chosen)."""
 WORSE = 1.02
@@ -59,7 +62,18 @@ def settled(found: Fitted, rounds: int) -> Fitted:
         on = min(on, put_back(moves, found, rounds, chain(found.model)), key=lambda f: f.rms)
     if on.rms >= HOPELESS:
         return on
-    return swung_in(as_damped(in_turns(on)))
+    return swung_in(as_damped(in_turns(out_of_corner(on, rounds))))
+
+
+def out_of_corner(found: Fitted, rounds: int) -> Fitted:
+    """The fit, or a nearer one begun with a typical chain where a mass or a spring of it is as no machine's: the motion
+    of the motors that was made with such a chain fits no other, so it is made anew before the two are compared."""
+    links = {f"{link}_{of}" for link in LINKS[found.model.lumps] for of in ("mass", "stiffness")}
+    numbers = zip(found.model.parameters, found.at.shared, strict=True)
+    if found.rms < ENDED or all(abs(u) < CORNERED for p, u in numbers if p.name.rpartition(".")[2] in links):
+        return found
+    begun = put_back(found.moves, found, rounds, chain(found.model))
+    return min(found, fit(reconstructed(begun), begun.model, begun.at, rounds), key=lambda f: f.rms)
 
 
 def in_turns(found: Fitted) -> Fitted:

@@ -28,6 +28,8 @@ def trial(train: float, held_out: float) -> Trial[Any]:
         ((9.0, 12.0), (1.1, 1.3), ("stribeck_friction", "sensor_latency"), "effect"),
         ((40.0, 40.0), (3.0, 3.9), ("hung_mass_mode",), "effect"),
         ((40.0, 40.0), (2.5, 6.0), ("hung_mass_mode",), "unknown"),
+        ((40.0, 40.0), (1.8, 3.0), ("gearbox_clearance",), "unknown"),
+        ((9.0, 12.0), (1.1, 1.3), ("gearbox_clearance",), "effect"),
         ((1.0, 11.0), (1.0, 4.6), ("stribeck_friction",), "unknown"),
         ((1.4, 2.0), (1.3, 1.7), ("sensor_latency",), "unknown"),
         ((1.4, 2.0), (1.3, 1.3), ("sensor_latency",), "effect"),

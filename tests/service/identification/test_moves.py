@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pytest
 
 from service.backlash.expected_errors import WAYS, expected_errors, speed_errors, wander_of
 from service.backlash.moves import (
+    REST_SPREAD,
     Moves,
     early_part,
     moves_of,
@@ -41,13 +43,14 @@ from service.backlash.signals import summed
 from service.captures import read_capture
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_library import DRIVEN
+from service.dynamics.effects.driven_sensors import DrivenBias
 from service.dynamics.effects.driven_transmission import (
     DrivenBentContact,
     DrivenClearance,
     DrivenLocalBacklash,
 )
 from service.identification.axis_numbers import backlash_of, clearance_beside, unseen_depth
-from service.identification.held_out import held_out, told_by_train
+from service.identification.held_out import held_out, rms, told_by_train
 from service.identification.moves_end import SUMMED, over_the_ridge, steady
 from service.identification.moves_starts import ROUNDS
 from service.identification.scene import ChannelTolerance, as_effects, estimator_alone, smeared
@@ -356,6 +359,29 @@ def test_a_pinion_that_rested_at_the_far_side_of_its_gap_is_found_there(found: F
     )
     again = rests_found([made], model, Point(at.shared, (np.zeros_like(own),))).local[0]
     assert np.mean(again[:, 2] == own[0, 2]) >= 0.8
+
+
+def test_a_held_out_move_that_is_begun_behind_the_wrong_flank_finds_where_its_load_lay(
+    captures: tuple[Recording, Recording], found: Fitted, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """So it does beside a sensor's zero that is found again, which else makes up for the wrong place."""
+    beyond = -0.2 * found.value("X1.backlash") / REST_SPREAD[0]
+
+    def misplaced(moves: Sequence[Moves], model: Model, at: Point, *_: object) -> Point:
+        local = [own.copy() for own in at.local]
+        for part, own in zip(moves, local, strict=True):
+            own[:, 0] = part.s * beyond
+        return Point(at.shared, tuple(local))
+
+    model = replace(found.model, effects=(*found.model.effects, DrivenBias(("X1",))))
+    at = Point(
+        np.append(found.at.shared, 0.0), tuple(np.pad(own, ((0, 0), (0, 1))) for own in found.at.local)
+    )
+    wandering = fit(found.moves, model, at, 2)
+    validate = moves_of(captures[1], ("X1",))
+    right = rms(held_out(validate, wandering, thorough=False).weighed)
+    monkeypatch.setattr("service.identification.held_out.rests_found", misplaced)
+    assert rms(held_out(validate, wandering, thorough=False).weighed) == pytest.approx(right, rel=0.01)
 
 
 def test_how_two_gaps_divide_their_sum_is_in_the_interval_of_the_backlash(found: Fitted) -> None:

@@ -13,7 +13,7 @@ from service.identification.moves_end import parted
 
 
 def stub(rms: float, name: str = "") -> Any:
-    model, at = SimpleNamespace(parameters=(), effects=(), lumps=2), SimpleNamespace(local=())
+    model, at = SimpleNamespace(parameters=(), effects=(), lumps=2), SimpleNamespace(local=(), shared=())
     return cast(Any, SimpleNamespace(rms=rms, moves=("every",), model=model, at=at, name=name))
 
 
@@ -65,6 +65,23 @@ def test_a_fit_goes_on_from_where_it_stands_and_begins_again_only_if_it_is_not_n
     reached = 3.0
     assert moves_end.settled(stub(4.0), 3).rms == 1.9
     assert begun == ["on", "on", "anew"]
+
+
+@pytest.mark.parametrize(
+    ("mass", "rms", "again", "kept"),
+    [(5.0, 1.8, 1.1, 1.1), (5.0, 1.8, 1.9, 1.8), (5.0, 1.0, 0.9, 1.0), (3.0, 1.8, 1.1, 1.8)],
+)
+def test_a_chain_in_a_corner_is_begun_anew_with_a_motion_of_its_own(
+    monkeypatch: Any, mass: float, rms: float, again: float, kept: float
+) -> None:
+    """The motion that was made with the wrong chain fits no other: as far as that goes the new fit is farther off."""
+    numbers = [SimpleNamespace(name=name) for name in ("X1.coulomb", "X1.gear_mass")]
+    found = stub(rms)
+    found.model.parameters, found.at.shared = numbers, (6.0, mass)
+    monkeypatch.setattr(moves_end, "put_back", lambda *_: stub(2.0, "typical"))
+    monkeypatch.setattr(moves_end, "reconstructed", lambda one: one.name)
+    monkeypatch.setattr(moves_end, "fit", lambda moves, *_: stub(again if moves == "typical" else 9.0))
+    assert moves_end.out_of_corner(found, 3).rms == kept
 
 
 @pytest.mark.parametrize(("without", "kept"), [(1.15, "sound"), (1.4, "overdamped")])
