@@ -39,6 +39,9 @@ FEW_ROUNDS, STARTS = 3, 3
 """Rounds in which the loads come to lie before a zero is released, and from how many of its places it is."""
 NEAR = 4.0
 """RMS below which a fit may be the right one; only then its numbers tell of the machine."""
+WITHIN_REACH = 10.0
+"""RMS up to which the motor's motion is made to agree with a model's force (chosen: a right model of a stiff contact
+was at 6 before)."""
 SEARCHED = 1.03
 """RMS that shows from which on what is missing is searched for (chosen: a few parts in a hundred of some thousand
 samples are no chance, and a second gap leaves no more)."""
@@ -56,6 +59,9 @@ SEEN_AT_REST = ("sensor_bias",)
 IN_THE_GAP = 0.3
 """Share of the gap behind the driving flank at which a load is begun that lies on neither (chosen; any within is as
 good)."""
+TURNS, AGREED = 8, 0.05
+"""How often the motor's motion in the held-out moves and the force that a model makes in it take turns, and the change
+of a prediction, over the expected errors, from which on they agree (chosen: what changes less changes no error)."""
 PARTS = 5
 """Blocks into which a held-out move is cut for the test of a gain."""
 
@@ -102,7 +108,8 @@ def held_out(validate: Moves, found: Fitted, thorough: bool = True) -> Held:
     """The held-out moves by the fitted model.
 
     The motor's motion between its samples comes from the simulated force (where `thorough`, else it is a spline),
-    never from the measured acceleration.
+    never from the measured acceleration. The force depends on that motion, so the two are found in turns until they
+    agree; a motion that did not answer to the force would go around between two that do not.
     """
     moves, model, free = validate, found.model, found_again(found.model)
     at = Point(found.at.shared, resting([moves], model))
@@ -110,14 +117,30 @@ def held_out(validate: Moves, found: Fitted, thorough: bool = True) -> Held:
     for _ in KNOWN:
         (moves,), _ = swinging_on([moves], model, at, known)
     at = anew([early_part(moves, EARLY)], model, at, free)
-    for _ in range(again if thorough else 0):
-        at = zeros_found([early_part(moves, EARLY)], model, at, free)
-        (moves,) = reconstructed(replace(found, moves=(moves,), at=at), follow=False)
+    predicted = said(moves, model, at)
+    for turn in range(TURNS if thorough else 0):
+        early = [early_part(moves, EARLY)]
+        at = zeros_found(early, model, at, free) if turn < again else fit(early, model, at, 8, free=free).at
+        (moves,) = reconstructed(replace(found, moves=(moves,), at=at), follow=turn >= again)
         (moves,), at = swinging_on([moves], model, at, known)
+        before, predicted = predicted, said(moves, model, at)
+        agreed = turn >= again and not over_expected(moves, predicted - before) > AGREED
+        if agreed or (turn + 1 >= again and over_expected(moves, moves.measured - predicted) > WITHIN_REACH):
+            break
     if thorough:
         at = fit([early_part(moves, EARLY)], model, at, 8, free=free).at
-    predicted = predict(moves, model, at.shared[None], at.local[0][None]).acceleration()[0]
+        predicted = said(moves, model, at)
     return Held(validate, np.nan_to_num(predicted, nan=1e6), doubts(moves, found, at))
+
+
+def said(moves: Moves, model: Model, at: Point) -> FloatArray:
+    """What a model says of one recording's moves at a point, (T, X, K)."""
+    return np.asarray(predict(moves, model, at.shared[None], at.local[0][None]).acceleration()[0])
+
+
+def over_expected(moves: Moves, difference: FloatArray) -> float:
+    """RMS of a difference of accelerations (T, X, K) over the errors that are expected."""
+    return rms(np.where(moves.used, difference / moves.noise[:, None] / moves.expected, np.nan))
 
 
 def doubts(moves: Moves, found: Fitted, at: Point) -> FloatArray:

@@ -50,7 +50,7 @@ from service.dynamics.effects.driven_transmission import (
     DrivenLocalBacklash,
 )
 from service.identification.axis_numbers import backlash_of, clearance_beside, unseen_depth
-from service.identification.held_out import held_out, rms, told_by_train
+from service.identification.held_out import TURNS, held_out, rms, told_by_train
 from service.identification.moves_end import SUMMED, over_the_ridge, steady
 from service.identification.moves_starts import ROUNDS
 from service.identification.scene import ChannelTolerance, as_effects, estimator_alone, smeared
@@ -421,3 +421,30 @@ def test_a_gap_that_changes_along_the_rack_is_said_where_the_moves_cross_it(foun
     b, std = backlash_of(fit(found.moves, model, at, 0), 0)
     assert b == pytest.approx(found.value("X1.backlash") + wider, abs=1e-10)
     assert std > backlash_of(found, 0)[1], "the wave is not known exactly, either"
+
+
+@pytest.mark.parametrize(("gap", "agreed"), [(1.0, True), (0.2, False)])
+def test_the_motion_in_held_out_moves_follows_the_force_until_both_agree(
+    captures: tuple[Recording, Recording],
+    found: Fitted,
+    monkeypatch: pytest.MonkeyPatch,
+    gap: float,
+    agreed: bool,
+) -> None:
+    """Not for a model that is far from the moves: nothing that is reported of it would change."""
+    shared = found.at.shared.copy()
+    k = [p.name for p in found.model.parameters].index("X1.backlash")
+    shared[k] = found.model.parameters[k].internal(gap * found.value("X1.backlash"))
+    follows: list[bool] = []
+
+    def noted(one: Fitted, follow: bool = True) -> tuple[Moves, ...]:
+        follows.append(follow)
+        return reconstructed(one, follow)
+
+    monkeypatch.setattr("service.identification.held_out.reconstructed", noted)
+    said = held_out(moves_of(captures[1], ("X1",)), replace(found, at=Point(shared, found.at.local)))
+    assert follows[:2] == [False, False]
+    assert follows[2:] == [True] * len(follows[2:])
+    assert bool(follows[2:]) == agreed
+    assert len(follows) < TURNS
+    assert (rms(said.weighed) < 1.5) == agreed
