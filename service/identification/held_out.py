@@ -38,10 +38,8 @@ which some lie on its slope."""
 FEW_ROUNDS, STARTS = 3, 3
 """Rounds in which the loads come to lie before a zero is released, and from how many of its places it is."""
 NEAR = 4.0
-"""RMS below which a fit may be the right one; only then its numbers tell of the machine."""
-WITHIN_REACH = 10.0
-"""RMS up to which the motor's motion is made to agree with a model's force (chosen: a right model of a stiff contact
-was at 6 before)."""
+"""RMS below which a fit may be the right one; only then its numbers tell of the machine, and a motor's
+motion is made to agree with its force."""
 SEARCHED = 1.03
 """RMS that shows from which on what is missing is searched for (chosen: a few parts in a hundred of some thousand
 samples are no chance, and a second gap leaves no more)."""
@@ -125,7 +123,8 @@ def held_out(validate: Moves, found: Fitted, thorough: bool = True) -> Held:
         (moves,), at = swinging_on([moves], model, at, known)
         before, predicted = predicted, said(moves, model, at)
         agreed = turn >= again and not over_expected(moves, predicted - before) > AGREED
-        if agreed or (turn + 1 >= again and over_expected(moves, moves.measured - predicted) > WITHIN_REACH):
+        misfit = early[0].measured - predicted[..., : early[0].samples]
+        if agreed or (turn + 1 >= again and over_expected(early[0], misfit) > NEAR):
             break
     if thorough:
         at = fit([early_part(moves, EARLY)], model, at, 8, free=free).at

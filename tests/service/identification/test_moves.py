@@ -423,18 +423,18 @@ def test_a_gap_that_changes_along_the_rack_is_said_where_the_moves_cross_it(foun
     assert std > backlash_of(found, 0)[1], "the wave is not known exactly, either"
 
 
-@pytest.mark.parametrize(("gap", "agreed"), [(1.0, True), (0.2, False)])
+@pytest.mark.parametrize(("friction", "agreed"), [(1.0, True), (9.0, False)])
 def test_the_motion_in_held_out_moves_follows_the_force_until_both_agree(
     captures: tuple[Recording, Recording],
     found: Fitted,
     monkeypatch: pytest.MonkeyPatch,
-    gap: float,
+    friction: float,
     agreed: bool,
 ) -> None:
     """Not for a model that is far from the moves: nothing that is reported of it would change."""
     shared = found.at.shared.copy()
-    k = [p.name for p in found.model.parameters].index("X1.backlash")
-    shared[k] = found.model.parameters[k].internal(gap * found.value("X1.backlash"))
+    k = [p.name for p in found.model.parameters].index("X1.coulomb")
+    shared[k] = found.model.parameters[k].internal(friction * found.value("X1.coulomb"))
     follows: list[bool] = []
 
     def noted(one: Fitted, follow: bool = True) -> tuple[Moves, ...]:
