@@ -143,6 +143,7 @@ def finding_of(
             return "none", ()
     error = left if len(effects) == 1 else shown
     most = max(after.train_rms, after.validation_rms)
+    # A law with many valleys imitates much, and holds exactly where it acts.
     exact = any(DRIVEN[name].many_valleys for name in effects if name in DRIVEN)
     near = error(after) <= (LEFT_BY_ONE if alone and not exact else LEFT) and most <= CHANGED
     wholly = alone and after.train_rms <= LEFT and explained(before, after, WHOLLY)
