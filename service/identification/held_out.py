@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from service.backlash.moves import REST_SPREAD, Moves, early_part, predict
+from service.backlash.moves import Moves, early_part, predict
 from service.backlash.moves_fit import (
     CLOSE_PLACES,
     Fitted,
@@ -55,8 +55,7 @@ planted hung mass did not reach)."""
 SEEN_AT_REST = ("sensor_bias",)
 """What a zero that wanders while the axis rests is: there is such an effect, however little of it is a drift."""
 IN_THE_GAP = 0.3
-"""Share of the gap behind the driving flank at which a load is begun that lies on neither (chosen; any within is as
-good)."""
+"""Share of the gap behind the driving flank at which a load is begun that lies on neither (chosen)."""
 TURNS, AGREED = 8, 0.05
 """How often the motor's motion in the held-out moves and the force that a model makes in it take turns, and the change
 of a prediction, over the expected errors, from which on they agree (chosen: what changes less changes no error)."""
@@ -213,15 +212,7 @@ def zeros_found(moves: Sequence[Moves], model: Model, at: Point, free: Free) -> 
 def in_the_gap(moves: Sequence[Moves], model: Model, at: Point) -> Point:
     """The point with every load free of both flanks, at rest, and all else of a move at its likeliest: from there a fit
     finds either flank, while one that is begun on the wrong one may take another zero for it."""
-    local = []
-    for part, own in zip(moves, resting(moves, model), strict=True):
-        for x, axis in enumerate(model.axes):
-            p = next(p for p in model.parameters if p.name == f"{axis}.backlash")
-            gap = float(p.value(at.shared[model.parameters.index(p)]))
-            own[:, 2 * x] = part.s * IN_THE_GAP * gap / REST_SPREAD[0] - part.loads[:, 2 * x]
-            own[:, 2 * x + 1] = -part.loads[:, 2 * x + 1]
-        local.append(own)
-    return Point(at.shared, tuple(local))
+    return rests_found(moves, model, Point(at.shared, resting(moves, model)), (IN_THE_GAP,))
 
 
 def trial_of(scene: Scene, found: Fitted, thorough: bool = True) -> Trial[Explained]:

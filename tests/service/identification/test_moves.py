@@ -50,7 +50,7 @@ from service.dynamics.effects.driven_transmission import (
     DrivenLocalBacklash,
 )
 from service.identification.axis_numbers import backlash_of, clearance_beside, unseen_depth
-from service.identification.held_out import TURNS, held_out, rms, told_by_train
+from service.identification.held_out import IN_THE_GAP, TURNS, held_out, rms, told_by_train
 from service.identification.moves_end import SUMMED, over_the_ridge, steady
 from service.identification.moves_starts import ROUNDS
 from service.identification.scene import ChannelTolerance, as_effects, estimator_alone, smeared
@@ -367,7 +367,9 @@ def test_a_held_out_move_that_is_begun_behind_the_wrong_flank_finds_where_its_lo
     """So it does beside a sensor's zero that is found again, which else makes up for the wrong place."""
     beyond = -0.2 * found.value("X1.backlash") / REST_SPREAD[0]
 
-    def misplaced(moves: Sequence[Moves], model: Model, at: Point, *_: object) -> Point:
+    def misplaced(moves: Sequence[Moves], model: Model, at: Point, among: Sequence[float] = ()) -> Point:
+        if among == (IN_THE_GAP,):
+            return rests_found(moves, model, at, among)
         local = [own.copy() for own in at.local]
         for part, own in zip(moves, local, strict=True):
             own[:, 0] = part.s * beyond
@@ -431,7 +433,7 @@ def test_the_motion_in_held_out_moves_follows_the_force_until_both_agree(
     friction: float,
     agreed: bool,
 ) -> None:
-    """Not for a model that is far from the moves: nothing that is reported of it would change."""
+    """Not for a model that is far from their first part: it is not the right one."""
     shared = found.at.shared.copy()
     k = [p.name for p in found.model.parameters].index("X1.coulomb")
     shared[k] = found.model.parameters[k].internal(friction * found.value("X1.coulomb"))
