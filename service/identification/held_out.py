@@ -257,7 +257,10 @@ def no_such_effect(found: Fitted) -> tuple[str, ...]:
 
 def amounts_of_nothing(found: Fitted) -> tuple[str, ...]:
     """The amounts of the last effect, by name, where none of them differs from zero: what explains the moves then is
-    its coordinates of every move, which something else has that is heard in them."""
+    its coordinates of every move, which something else has that is heard in them. An effect that has none of those
+    predicts other moves by its amount alone, however little the fitted ones tell of it."""
+    if not found.model.effects[-1].nuisance:
+        return ()
     names = [p.name for p in found.model.parameters]
     amounts = [p for p in found.model.effects[-1].parameters if p.dose]
     spread = np.sqrt(np.diag(told_by_train(found))) * max(1.0, found.rms)
