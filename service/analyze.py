@@ -30,8 +30,6 @@ def analysed(files: Sequence[Path], quick: bool = False) -> Iterator[Answer]:
     if quick or len(files) == 1:
         yield from map(one, files)
         return
-    for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-        os.environ.setdefault(variable, "1")  # a process per core leaves nothing for threads to win
     workers = min(len(files), os.cpu_count() or 1)
     with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
         yield from pool.map(one, files)

@@ -6,11 +6,16 @@ With ``--json`` stdout carries JSON and nothing else; progress and complaints go
 
 from __future__ import annotations
 
+import os
+
 import typer
 
 from service.cli import machine, planning, recordings, upkeep
 
 __all__ = ["app", "main"]
+
+ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
+"""Whether numpy divides the sum of a product among the cores; it reads them when it is imported."""
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -34,5 +39,10 @@ for _command in (
 
 
 def main() -> None:
-    """Entry point of the installed command."""
+    """Entry point of the installed command.
+
+    Its matrices are small: threads win nothing, and the order of a sum would tell the cores of a machine.
+    """
+    for variable in ONE_THREAD:
+        os.environ.setdefault(variable, "1")
     app()

@@ -16,7 +16,7 @@ from service.dynamics.driven_model import LINKS
 from service.identification.held_out import DESCRIBED, NEAR, Explained, overdamped, trial_of
 from service.identification.moves_looks import ENDED
 from service.identification.moves_rests import KNOWN, how_known, swinging_on, swings_at_all
-from service.identification.moves_starts import ROUNDS, begun_at, chain
+from service.identification.moves_starts import ROUNDS, SUMMED, begun_at, chain, speeds_first
 from service.identification.scene import Scene
 from service.identification.selection import Trial
 
@@ -28,8 +28,6 @@ TURNS, STEADY = 8, 2.0
 noise, from which on they agree (chosen: a standard deviation of one number changes it by one)."""
 FEW_ROUNDS = 4
 """Rounds of a fit between two turns of a motion that a wrong chain may have made."""
-SUMMED = (0.05, 0.01)
-"""How long residuals are summed up to those of speed, the longest first [s] (chosen: periods of a contact, and one)."""
 PUT_BACK = ("turnover_speed", "turnover_spread", "coulomb", "viscous", "damping_ratio", "smear")
 """Parameters that a wrong model drives into a corner from which a fit comes back slowly."""
 CORNERS = 2
@@ -178,12 +176,8 @@ def agreed(found: Fitted) -> Fitted:
 
 
 def over_the_ridge(found: Fitted, lasting: float) -> Fitted:
-    """The fit begun once more where the loads' *speeds* are described best. A contact that the model meets half a
-    period late lies in another valley of the acceleration; of the speed it is a step, and has a slope from wherever it
-    is met."""
-    of_speed = [replace(m, lasting=lasting) for m in found.moves]
-    begun = fit(of_speed, found.model, found.at, ROUNDS)
-    return fit(found.moves, found.model, begun.at, ROUNDS)
+    """The fit begun once more by the loads' speeds, in whose valley it may not be."""
+    return speeds_first(found.moves, found.model, found.at, lasting, ROUNDS)
 
 
 def in_full(found: Fitted) -> Fitted:

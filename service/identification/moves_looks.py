@@ -18,14 +18,17 @@ from service.dynamics.driven_model import LINKS, Model
 from service.identification.held_out import DESCRIBED, NEAR
 from service.identification.moves_starts import (
     BRIEF,
+    SUMMED,
     Candidate,
     added,
     fewer,
     grounds,
+    heard_on_typical_machines,
     likely,
     on_a_few_moves,
     on_typical_machine,
     placed,
+    speeds_first,
 )
 from service.identification.moves_valleys import valleys
 from service.identification.scene import Scene
@@ -128,8 +131,13 @@ def glimpsed(scene: Scene, found: Fitted, candidate: Candidate) -> list[Fitted]:
     glimpses = [fit(few, candidate.model, at, GLIMPSE) for at in starts]
     if candidate.effect.many_valleys or found.rms < DESCRIBED:
         return glimpses
-    typical = [point_at(candidate.model, one, few) for one in on_typical_machine(scene, candidate, values[0])]
-    return [*glimpses, *(fit(few, candidate.model, at, FROM_AFAR) for at in typical)]
+    typical = point_at(candidate.model, on_typical_machine(candidate, values[0]), few)
+    swinging = [point_at(candidate.model, one, few) for one in heard_on_typical_machines(scene, candidate)]
+    return [
+        *glimpses,
+        fit(few, candidate.model, typical, FROM_AFAR),
+        *(speeds_first(few, candidate.model, at, SUMMED[0], FROM_AFAR) for at in swinging),
+    ]
 
 
 def looked_at(glimpses: Sequence[Fitted]) -> list[Fitted]:

@@ -37,6 +37,11 @@ TOO_MUCH = 4.0
 than a split gap."""
 GUIDE = ("coulomb", "viscous")
 """A guide's friction, which a missing gap hardly drives away."""
+RUBBED = (-1.0, 0.0, 1.0, 2.0)
+"""A typical machine's dry friction with which what swings is begun, in standard deviations of its prior (chosen: hardly
+any to a seal's). Where the load comes to a stand decides how it swings, so each leads to another end."""
+SUMMED = (0.05, 0.01)
+"""How long residuals are summed up to those of speed, the longest first [s] (chosen: periods of a contact, and one)."""
 
 
 @dataclass(frozen=True)
@@ -145,14 +150,18 @@ def likely(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:
     return [*shapes, *at_places]
 
 
-def on_typical_machine(scene: Scene, candidate: Candidate, shape: Values) -> list[Values]:
-    """The effect in a shape, and as what is heard, on a typical machine, as strong as it may well be where its amounts
-    have one sign: what an effect has done to the numbers of the present model, or of any place without it, may lead
-    nowhere."""
+def on_typical_machine(candidate: Candidate, shape: Values) -> Values:
+    """The effect in a shape on a typical machine, as strong as it may well be where its amounts have one sign: what an
+    effect has done to the numbers of the present model, or of any place without it, may lead nowhere."""
     strong = {p.name: p.spread for p in candidate.effect.parameters if p.dose and p.low >= 0.0}
-    shapes: list[Values] = [{p.name: shape[p.name] for p in candidate.effect.parameters} | strong]
+    return {**{p.name: shape[p.name] for p in candidate.effect.parameters}, **strong}
+
+
+def heard_on_typical_machines(scene: Scene, candidate: Candidate) -> list[Values]:
+    """The effect as what is heard, on typical machines with little and with much friction."""
     heard = as_heard(scene, candidate)
-    return [*shapes, heard] if heard else shapes
+    rubbing = [p for p in candidate.model.parameters if p.name.endswith(GUIDE[0])]
+    return [{**heard, **{p.name: float(p.value(u)) for p in rubbing}} for u in RUBBED] if heard else []
 
 
 def on_machine(place: Values, found: Fitted, candidate: Candidate, shape: Values) -> Values:
@@ -208,6 +217,13 @@ def placed(place: Fitted, candidate: Candidate, shape: int = 0) -> Fitted:
     own = np.array([names.index(p.name) for p in candidate.effect.parameters])
     at = point_at(candidate.model, scored(place, candidate, values_at(place))[shape], place.moves)
     return fit(place.moves, candidate.model, at, BRIEF, free=own)
+
+
+def speeds_first(moves: Sequence[Moves], model: Model, at: Point, lasting: float, rounds: int) -> Fitted:
+    """A fit begun where the loads' *speeds* are described best. A contact that the model meets half a period late lies
+    in another valley of the acceleration; of the speed it is a step, and has a slope from wherever it is met."""
+    of_speed = [replace(m, lasting=lasting) for m in moves]
+    return fit(moves, model, fit(of_speed, model, at, rounds).at, rounds)
 
 
 def added(found: Fitted, candidate: Candidate, values: Values) -> Point:

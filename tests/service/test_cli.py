@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +15,7 @@ import pyarrow.parquet
 import pytest
 from typer.testing import CliRunner, Result
 
+from service import cli
 from service.backlash.results import Reason
 from service.captures import write_capture
 from service.cli import app
@@ -128,6 +132,27 @@ def test_what_cannot_be_read_is_named_and_the_others_are_still_analysed(
     assert [json.loads(line)["capture"] for line in result.stdout.splitlines()] == [str(good)]
     assert str(absent) in result.stderr
     assert str(torn) in result.stderr
+
+
+@pytest.mark.parametrize(("asked", "threads"), [(None, "1"), ("4", "4")])
+def test_numbers_do_not_depend_on_the_cores_of_a_machine(
+    monkeypatch: pytest.MonkeyPatch, asked: str | None, threads: str
+) -> None:
+    """A fit is chaotic far from its end: another order of a sum may lead to another answer."""
+    for variable in cli.ONE_THREAD:
+        monkeypatch.setenv(variable, asked or "")
+        if not asked:
+            monkeypatch.delenv(variable)
+    monkeypatch.setattr(cli, "app", lambda: None)
+    cli.main()
+    assert [os.environ[variable] for variable in cli.ONE_THREAD] == [threads, threads]
+    assert "numpy" not in modules_of("import service.cli"), "they are read when it is imported"
+
+
+def modules_of(statement: str) -> set[str]:
+    """What is imported by a statement in a Python of its own."""
+    command = [sys.executable, "-c", f"{statement}; import sys; print(*sys.modules)"]
+    return set(subprocess.run(command, check=True, capture_output=True, text=True).stdout.split())
 
 
 def test_a_picture_of_a_step_is_drawn(sound: Recording, tmp_path: Path) -> None:

@@ -117,20 +117,28 @@ def test_a_shape_is_kept_until_friction_and_machine_are_fitted_to_it(monkeypatch
     assert freed[1:] == [set(names) - {"X1.curved_power"}, set(names)]
 
 
-@pytest.mark.parametrize(("heard", "frequencies"), [(None, [30.0]), (9.0, [30.0, 9.0])])
-def test_what_swings_is_begun_on_a_typical_machine_as_it_is_heard_too(
-    heard: float | None, frequencies: list[float]
-) -> None:
+def test_what_swings_is_begun_on_a_typical_machine_as_strong_as_it_may_well_be() -> None:
     """A body that the estimator and the present model have taken for a gap of a millimetre is found from nowhere
     else."""
     effect = DRIVEN["machine_body_mode"](("X1",))
     candidate = cast(Any, SimpleNamespace(effect=effect))
     shape = {p.name: p.typical for p in effect.parameters} | {"body_frequency": 30.0, "X1.backlash": 1e-3}
-    scene = cast(Any, SimpleNamespace(heard=heard))
-    begun = moves_starts.on_typical_machine(scene, candidate, shape)
-    assert [values["body_frequency"] for values in begun] == frequencies
-    assert all(values["body_ratio"] > 0.05 for values in begun), "as strong as it may well be"
-    assert all("X1.backlash" not in values for values in begun), "what is not given is typical"
+    begun = moves_starts.on_typical_machine(candidate, shape)
+    assert begun["body_frequency"] == 30.0
+    assert begun["body_ratio"] > 0.05
+    assert "X1.backlash" not in begun, "what is not given is typical"
+
+
+@pytest.mark.parametrize(("heard", "starts"), [(None, 0), (9.0, len(moves_starts.RUBBED))])
+def test_what_is_heard_is_begun_with_little_and_with_much_friction(heard: float | None, starts: int) -> None:
+    """How a mass swings after a move depends on where the guide stopped it, so that each friction has a valley of its
+    own; and a model without the mass has taken the swing's damping for all of the friction."""
+    candidate = moves_starts.candidates(Model(("X1",), 2), [DRIVEN["hung_mass_mode"]], ())[0]
+    begun = moves_starts.heard_on_typical_machines(cast(Any, SimpleNamespace(heard=heard)), candidate)
+    assert [values["X1.hung_frequency"] for values in begun] == starts * [heard]
+    frictions = [values["X1.coulomb"] for values in begun]
+    assert not begun or max(frictions) > 10.0 * min(frictions)
+    assert len(set(frictions)) == starts
 
 
 def test_what_acts_one_way_is_begun_in_the_name_of_each_effect_that_is_alike() -> None:
