@@ -110,6 +110,7 @@ class Moves:
         which it was reconstructed; none where it does not follow
     bias : (T, X) what the sensor said at rest around each move [m/s²], taken off
     expected : (T, X, K) standard deviation over the noise that a right model's residual is expected to have
+    judged : the same by which models are compared, where they are fitted by another; none where by this one
     swings : what still swings at the beginning of each move, if the move before left it; none: not known
     wander, white : how what is expected divides, and whether residuals are whitened by it
     lasting : how long residuals of acceleration are summed up to those of speed [s]; 0: they are compared themselves
@@ -124,6 +125,7 @@ class Moves:
     motion: tuple[tuple[PPoly, ...], ...]
     bias: FloatArray
     expected: FloatArray
+    judged: FloatArray | None = None
     echoes: tuple[tuple[Echo, ...], ...] = ()
     reference: FloatArray | None = None
     swings: Swings | None = None
@@ -255,6 +257,7 @@ def early_part(moves: Moves, share: float) -> Moves:
         moves,
         grids=grids,
         expected=moves.expected[..., :K],
+        judged=None if moves.judged is None else moves.judged[..., :K],
         echoes=(),
         reference=None,
         wander=None,
@@ -276,6 +279,7 @@ def some_of(moves: Moves, count: int) -> Moves:
         motion=moves.motion[kept],
         bias=moves.bias[kept],
         expected=moves.expected[kept],
+        judged=None if moves.judged is None else moves.judged[kept],
         echoes=moves.echoes[kept],
         reference=None if moves.reference is None else moves.reference[kept],
         swings=None if moves.swings is None else moves.swings.of(kept),

@@ -52,3 +52,12 @@ def with_expected_errors(moves: Moves, found: Fitted, fitted: bool) -> Moves:
     at = rests_found([moves], found.model, Point(found.at.shared, resting([moves], found.model)))
     expected, wander = expected_errors(moves, found.model, at.shared, at.local[0], fitted=fitted)
     return replace(moves, expected=expected, wander=wander)
+
+
+def with_sharpened_noise(found: Fitted) -> tuple[Moves, ...]:
+    """The moves of a fit with what is expected of its own model; models are compared as before."""
+    again = (with_expected_errors(part, found, fitted=True) for part in found.moves)
+    return tuple(
+        replace(now, judged=part.expected if part.judged is None else part.judged)
+        for now, part in zip(again, found.moves, strict=True)
+    )

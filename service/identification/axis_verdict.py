@@ -51,11 +51,14 @@ class Impurity(NamedTuple):
 COMMON: Mapping[str, Impurity] = {
     "transmission_ripple": Impurity("ripple_amplitude", np.inf, 1e-3, period="ripple_period"),
     "contact_nonlinearity": Impurity("bend", 0.2, 0.0),
+    "hung_mass_mode": Impurity("hung_ratio", 0.02, 0.0),
+    "machine_body_mode": Impurity("body_ratio", 0.02, 0.0),
 }
-"""What every rack and every flank has a little of, and what is therefore no finding where it does not change the
-backlash. Steel on steel in line contact has a bend of 1/9; twice that is none. A mesh has no limit by itself: a slow
-error may be large; a thousandth of the pitch is small. What repeats with the rack's teeth or more slowly is of its
-mesh."""
+"""What every rack, flank, carriage and bed has a little of, and what is therefore no finding where it does not change
+the backlash. Steel on steel in line contact has a bend of 1/9; twice that is none. Hoses, chains and covers of a
+fiftieth of the load hang elastically on every carriage, and a body fifty times as heavy hardly moves. A mesh has no
+limit by itself: a slow error may be large; a thousandth of the pitch is small. What repeats with the rack's teeth or
+more slowly is of its mesh."""
 OF_SOUND = 2.0
 """How many times as much as matters that must change the backlash which is no more than a sound machine has (chosen):
 found as it is, it is no finding as long as the backlash hardly changes."""

@@ -224,7 +224,7 @@ def trial_of(scene: Scene, found: Fitted, thorough: bool = True) -> Trial[Explai
     flat = errors[np.isfinite(errors)]
     trial = Trial(
         Explained(found, held),
-        found.rms,
+        judged_rms(found),
         rms(errors),
         np.array(blocks),
         np.zeros(0),
@@ -234,6 +234,16 @@ def trial_of(scene: Scene, found: Fitted, thorough: bool = True) -> Trial[Explai
     shape = shapes_at_limits(found) if shown(trial) > DESCRIBED else ()
     seen = scene.zero_wanders and found.model.effects[-1].name in SEEN_AT_REST
     return replace(trial, at_limits=(*shape, *(() if seen else no_such_effect(found))))
+
+
+def judged_rms(found: Fitted) -> float:
+    """RMS of a fit over what is expected by which models are compared."""
+    if all(part.judged is None for part in found.moves):
+        return found.rms
+    rows = [
+        np.ones(np.sum(m.used)) if m.judged is None else (m.expected / m.judged)[m.used] for m in found.moves
+    ]
+    return rms(found.r * np.concatenate(rows))
 
 
 def shapes_at_limits(found: Fitted) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from service.backlash.moves import Moves
-from service.backlash.moves_begun import Values
+from service.backlash.moves_begun import Values, with_sharpened_noise
 from service.backlash.moves_fit import Fitted, Point, fit, reconstructed, values_at
 from service.dynamics.driven_model import LINKS
 from service.identification.held_out import DESCRIBED, NEAR, Explained, overdamped, trial_of
@@ -134,7 +134,7 @@ def ended(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
     lacks_something = trial.model.fitted.model == scene.declared and trial.train_rms > SOUND
     if trial.model.ended or lacks_something:
         return trial
-    best = in_full(trial.model.fitted)
+    best = as_sharpened(in_full(trial.model.fitted))
     more = MORE if swings_at_all(best.model) else 1
     for _ in range(more if best.rms < HOPELESS else 0):
         further = settled(best, ROUNDS)
@@ -144,6 +144,14 @@ def ended(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
     best = steady(best)
     out = trial if best is trial.model.fitted else trial_of(scene, best)
     return replace(out, model=replace(out.model, ended=True))
+
+
+def as_sharpened(found: Fitted) -> Fitted:
+    """The fit with the errors that are expected of its own model, if that sharpens the noise of the speed: else it
+    takes a delay, which does not, for a part of the filter, and damps what the noise excites."""
+    if not any(effect.sharpens for effect in found.model.effects):
+        return found
+    return fit(with_sharpened_noise(found), found.model, found.at, ROUNDS)
 
 
 def steady(found: Fitted) -> Fitted:

@@ -48,6 +48,7 @@ def test_effects_are_named_when_they_leave_next_to_nothing(
 ) -> None:
     values = iter([(50e-6, 1e-7), (40e-6, 1e-7)])
     monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: next(values))
+    monkeypatch.setattr(axis_verdict, "deviations", numbers)
     selection = Selection(trial(*before), trial(*after), effects, (), ())
     found, named = axis_verdict.finding_of(selection)
     assert (found, named) == (finding, effects if finding == "effect" else ())
@@ -196,6 +197,25 @@ def test_flanks_that_stiffen_more_than_steel_does_are_a_finding(
 
 
 @pytest.mark.parametrize(
+    ("held_out", "ratio", "std", "found"),
+    [
+        (2.2, 0.007, 0.001, "none"),
+        (2.2, 0.03, 0.01, "none"),
+        (2.2, 0.08, 0.01, "effect"),
+        (5.0, 0.007, 0.001, "effect"),
+    ],
+)
+def test_a_hose_that_swings_on_the_carriage_is_a_finding_only_where_it_is_everything(
+    monkeypatch: pytest.MonkeyPatch, held_out: float, ratio: float, std: float, found: str
+) -> None:
+    """Cogging of a sound machine was described by a mass of a hundred and fiftieth of the load, in its rhythm."""
+    monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: (50e-6, 1e-7))
+    monkeypatch.setattr(axis_verdict, "deviations", lambda _f: {"X1.hung_ratio": (ratio, std)})
+    selection = Selection(trial(1.2, held_out), trial(0.87, 0.88), ("hung_mass_mode",), (), ())
+    assert axis_verdict.finding_of(selection)[0] == found
+
+
+@pytest.mark.parametrize(
     ("name", "bend", "change", "found"),
     [
         ("contact_nonlinearity", 0.04, 1.5e-6, "none"),
@@ -218,8 +238,10 @@ def test_flanks_as_sound_ones_are_a_finding_only_where_the_backlash_clearly_chan
 
 
 def numbers(_fitted: object) -> dict[str, tuple[float, float]]:
-    """Of a sound machine, but for a mesh error of more than a thousandth of the pitch."""
-    return {"X1.bend": (0.1, 0.01), "X1.ripple_amplitude": (5e-6, 1e-7), "X1.ripple_period": (4e-3, 1e-4)}
+    """Of a sound machine, but for a mesh error of more than a thousandth of the pitch, and for what swings."""
+    swing = {"X1.hung_ratio": (0.1, 0.01), "body_ratio": (0.1, 0.01)}
+    mesh = {"X1.ripple_amplitude": (5e-6, 1e-7), "X1.ripple_period": (4e-3, 1e-4)}
+    return {"X1.bend": (0.1, 0.01), **mesh, **swing}
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -49,6 +50,7 @@ def test_all_finalists_that_are_near_are_ended_before_one_is_chosen(monkeypatch:
 
     trials = {name: trial(name, *both) for name, both in errors.items()}
     monkeypatch.setattr(moves_search, "swings_at_all", lambda _model: False)
+    monkeypatch.setattr(moves_search, "as_sharpened", lambda fitted: fitted)
     monkeypatch.setattr(moves_search, "settled", lambda fitted, _rounds: fitted)
     monkeypatch.setattr(moves_search, "trial_of", lambda _scene, fitted: trials[fitted.model])
     monkeypatch.setattr(moves_search, "to_the_end", lambda _scene, one: trial(one.name + " ended", 1.0, 1.0))
@@ -259,12 +261,25 @@ def test_the_present_model_is_challenged_where_the_best_ended_with_gear_and_pini
     shared = np.linspace(-0.5, 0.5, len(best.parameters))
     local = np.full((len(moves.grids), 2 * len(best.axes) + len(best.nuisance)), 0.1)
     other = fit([moves], best, Point(shared, (local,)), 0)
+    sharpened = replace(moves, expected=3.0 * moves.expected, judged=moves.expected)
+    other = replace(other, moves=(sharpened,))
     begun: list[Any] = []
-    monkeypatch.setattr(moves_search, "fit", lambda _m, model, at, _r: begun.append((model, at)) or stub(9.0))
-    present = cast(Any, SimpleNamespace(model=SimpleNamespace(fitted=SimpleNamespace(model=now, rms=3.0))))
+    weighed: list[Any] = []
+
+    def refit(parts: Any, model: Model, at: Point, _rounds: int) -> Any:
+        begun.append((model, at))
+        weighed.extend(parts)
+        return stub(9.0)
+
+    monkeypatch.setattr(moves_search, "fit", refit)
+    fitted = SimpleNamespace(model=now, rms=3.0, moves=(moves,))
+    present = cast(Any, SimpleNamespace(model=SimpleNamespace(fitted=fitted)))
     better = cast(Any, SimpleNamespace(model=SimpleNamespace(fitted=other)))
     assert moves_search.challenged(cast(Any, None), present, better) is present
     ((model, at),) = begun
+    assert [(part.expected is moves.expected, part.judged) for part in weighed] == [(True, None)], (
+        "it expects what it did, and not what the best one would miss"
+    )
     assert (model.lumps, model.effects) == (2, ())
     of_best = dict(zip((p.name for p in best.parameters), shared, strict=True))
     assert list(at.shared) == [of_best[p.name] for p in model.parameters]

@@ -12,14 +12,26 @@ RATE, NOISE = 2000.0, 0.03
 MOVES = tuple(Move(0.5 * k, 1 if k % 2 else -1, 0.005, 100.0, 0.15) for k in range(1, 11))
 
 
-def heard(seed: int, frequency: float = 0.0, strength: float = 0.0, drift: float = 0.0) -> float | None:
-    """Of a sensor that hears a damped swing of this strength [m/s²] from the end of every move on."""
+def heard(
+    seed: int, frequency: float = 0.0, strength: float = 0.0, drift: float = 0.0, impacts: bool = False
+) -> float | None:
+    """Of a sensor that hears a damped swing of this strength [m/s²] from the end of every move on, and the impacts on
+    the flanks at its turns."""
     time = np.arange(0.0, 6.0, 1.0 / RATE)
     value = np.random.default_rng(seed).normal(0.0, NOISE, len(time)) + drift * time
     for move in MOVES:
         since = time - move.end
         swing = np.exp(-0.01 * 2 * np.pi * frequency * since) * np.sin(2 * np.pi * frequency * since)
         value += np.where((since > 0) & (since < 0.35), strength * swing, 0.0)
+        if impacts:
+            turns = (
+                np.sin(2 * np.pi * frequency * (since - 1.0 / RATE)) * np.sin(2 * np.pi * frequency * since)
+                < 0
+            )
+            met = np.where(
+                turns & (since > 0) & (since < 0.2), np.sign(np.cos(2 * np.pi * frequency * since)), 0.0
+            )
+            value += np.convolve(met, np.full(6, 20.0 * strength), mode="same")
         value += np.where((time > move.start) & (time < move.end), 5.0, 0.0)
     trace = Trace(time, value)
     recording = Recording("m", (AxisDescription("X1", 0.004),), {("X1", "acceleration"): trace}, MOVES)
@@ -35,3 +47,9 @@ def test_a_swing_between_the_moves_is_heard_at_its_frequency(frequency: float) -
 @pytest.mark.parametrize("seed", range(20))
 def test_noise_and_a_drift_are_no_swing(seed: int) -> None:
     assert heard(seed, drift=0.2) is None
+
+
+@pytest.mark.parametrize("frequency", [13.0, 17.0])
+def test_a_swing_is_heard_that_throws_the_load_from_flank_to_flank(frequency: float) -> None:
+    """Short impacts twice in a period are in every odd multiple of it up to the highest, and nothing is quiet then."""
+    assert heard(1, frequency, 0.2, impacts=True) == pytest.approx(frequency, rel=0.1)

@@ -1,0 +1,60 @@
+"""What is expected of a model that undoes a filter on the drive's speed, and sharpens that speed's noise with it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from service.backlash.moves import Moves, early_part, moves_of, some_of
+from service.backlash.moves_begun import point_at, with_sharpened_noise
+from service.backlash.moves_fit import Fitted, fit
+from service.captures import read_capture
+from service.dynamics.driven_model import DrivenEffect, Model
+from service.dynamics.effects.driven_sensors import DrivenLatency, DrivenSpeedFilter
+from service.identification.held_out import judged_rms
+from service.identification.moves_end import as_sharpened
+
+
+@pytest.fixture(scope="module")
+def moves(request: pytest.FixtureRequest) -> Moves:
+    shared: Path = request.getfixturevalue("shared_dir")
+    return moves_of(read_capture(shared / "captures" / "none-train.parquet"), ("X1",))
+
+
+def fitted(moves: Moves, effect: DrivenEffect, **values: float) -> Fitted:
+    """The model at typical values and these, not fitted."""
+    model = Model(("X1",), 1, (effect,), "whole_move", ("constant", "skew"), bridge=False)
+    at = point_at(model, {f"X1.{name}": value for name, value in values.items()}, [moves])
+    return fit([moves], model, at, 0)
+
+
+def test_a_filter_that_is_undone_is_expected_to_miss_more_the_slower_it_is(moves: Moves) -> None:
+    """Noise n becomes n + τ·ṅ."""
+
+    def excess(tau: float) -> float:
+        found = fitted(moves, DrivenSpeedFilter(("X1",)), filter_time=tau)
+        return float(np.mean(with_sharpened_noise(found)[0].expected[moves.used] ** 2))
+
+    assert excess(0.0) < excess(2e-3) < excess(4e-3)
+
+
+def test_a_delay_sharpens_nothing(moves: Moves) -> None:
+    found = fitted(moves, DrivenLatency(("X1",)), latency=-2e-3)
+    assert as_sharpened(found) is found
+
+
+def test_models_are_compared_by_what_was_expected_before(moves: Moves) -> None:
+    """Else one that expects to miss everything would explain everything."""
+    found = fitted(moves, DrivenSpeedFilter(("X1",)), filter_time=4e-3)
+    sharpened = as_sharpened(as_sharpened(found))
+    (part,) = sharpened.moves
+    assert part.judged is moves.expected
+    over_noise = sharpened.r * part.expected[part.used]
+    assert judged_rms(sharpened) == pytest.approx(float(np.sqrt(np.mean(over_noise**2))))
+    assert judged_rms(sharpened) > sharpened.rms
+    assert judged_rms(found) == found.rms
+    for fewer in (some_of(part, 4), early_part(part, 0.45)):
+        assert fewer.judged is not None
+        assert fewer.judged.shape == fewer.expected.shape
