@@ -180,6 +180,7 @@ def course_of(
     cases = tuple(model.cases(case))
     for effect, own, _ in cases:
         c = effect.drive(c, own)
+    cases = tuple((effect, replace(own, c=c), room) for effect, own, room in cases)
     system = assemble(model, case, cases)
     x0 = initial_states(model, case.values, c[:, :, 0, :, :2], load)
     for effect, own, room in cases:

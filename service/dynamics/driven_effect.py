@@ -31,6 +31,7 @@ class Case:
     s : (T,) directions
     start : (T,) time of the first grid point [s] since the recording began
     h : grid interval [s]
+    c : (S, T, K, X, J) motion of the motors as it drives the chain; known once every effect's `drive` was called
     """
 
     model: Structure
@@ -39,6 +40,7 @@ class Case:
     s: FloatArray
     start: FloatArray
     h: float
+    c: FloatArray | None = None
 
 
 @dataclass(frozen=True)

@@ -153,8 +153,8 @@ class DrivenLocalBacklash(DrivenEffect):
     """A gap whose width waves along the rack. `backlash` is then its width where the recording began, `gap_slope` and
     `gap_bow` its first and second derivative there: of a long wave no more is seen than these.
 
-    The width is that at the motor's place: the load's differs from it by the gap and what the chain winds up, and so
-    the width by `gap_slope` times as much.
+    The width is that at the load's place: half a gap behind the motor on one flank and half a gap before it on the
+    other, and as far from there as the chain winds up, by the mean steepness where this flank is pushed.
     """
 
     name: ClassVar[str] = "position_dependent_backlash"
@@ -168,14 +168,18 @@ class DrivenLocalBacklash(DrivenEffect):
 
     @property
     def motions(self) -> int:
-        return len(self.axes)
+        return 2 * len(self.axes)
 
     def follow(self, c: FloatArray, case: Case) -> FloatArray:
-        """How much wider the gap is than where the recording began."""
-        out = np.empty((*c.shape[:3], len(self.axes), c.shape[-1]))
+        """How much wider the gap is than where the recording began, at the load's place on its lower and its upper
+        flank."""
+        out = np.empty((*c.shape[:3], self.motions, c.shape[-1]))
         for k, axis, x in self.each(case.model):
             points = grid_points(c[:, :, :, x], case.h)
-            out[:, :, :, k] = along(*self.widening(case.values, axis, points[..., 0]), points, case.h)
+            half = 0.5 * case.values[f"{axis}.backlash"][:, None, None]
+            for side, sign in enumerate((1.0, -1.0)):
+                wider = self.widening(case.values, axis, points[..., 0] + sign * half)
+                out[:, :, :, 2 * k + side] = along(*wider, points, case.h)
         return out
 
     @staticmethod
@@ -196,8 +200,24 @@ class DrivenLocalBacklash(DrivenEffect):
 
     def carry(self, system: LinearSystem, case: Case, room: Room) -> None:
         """Before `assemble`: the pieces of a bent contact are as far off as the first."""
-        for k, _, x in self.each(case.model):
-            system.approach[:, x, :, system.n + system.motor(room.motion + k)] -= 0.5
+        for k, axis, x in self.each(case.model):
+            half = 0.5 * case.values[f"{axis}.backlash"]
+            for side, sign in enumerate((-1.0, 1.0)):
+                approach, steep = system.approach[:, x, side], 0.5 * self.steepness(case, axis, x, sign)
+                approach[:, system.n + system.motor(room.motion + 2 * k + side)] -= 0.5
+                approach[:, case.model.load(x)] -= steep
+                approach[:, system.n + system.motor(x)] += steep
+                approach[:, system.n + system.constant()] -= steep * sign * half
+
+    def steepness(self, case: Case, axis: str, x: int, sign: float) -> FloatArray:
+        """How much wider the gap gets along the rack (S,) where a flank pushes the load in the direction `sign`: the
+        mean over all moves, by the motor's acceleration."""
+        if case.c is None:
+            return np.zeros(len(case.nuisance))
+        place, push = case.c[:, :, :, x, 0], np.maximum(sign * case.c[:, :, :, x, 2], 0.0)
+        half = 0.5 * case.values[f"{axis}.backlash"][:, None, None]
+        steep = self.widening(case.values, axis, place - sign * half)[1]
+        return np.asarray(np.sum(steep * push, axis=(1, 2)) / np.maximum(np.sum(push, axis=(1, 2)), 1e-300))
 
 
 @dataclass(frozen=True)
