@@ -22,7 +22,7 @@ from service.identification.explanation import (
 from service.identification.given_effects import LEFT
 from service.identification.held_out import SEARCHED, SEEN_AT_REST, Explained, Held, rms
 from service.identification.scene import Scene
-from service.identification.selection import Selection, Trial, explained, gone, left, shown
+from service.identification.selection import Selection, Trial, distance, explained, gone, left, shown
 from service.recording import FloatArray
 
 LEFT_BY_CLEAN = 1.25
@@ -127,8 +127,10 @@ def finding_of(
 ) -> tuple[Finding, tuple[str, ...]]:
     """``effect`` only when the named effects leave near nothing: a part of an unknown is not an explanation. What was
     `seen_at_rest`, beside all moves, is no impurity that a fit may imagine. A model that leaves no more
-    than `sound` may lack nothing."""
+    than `sound` may lack nothing, and one that leaves a little more only impurities, if nothing that is tried in their
+    place changes the backlash."""
     before, after, effects = selection.before, selection.after, selection.effects
+    sound = max(sound, SMALL) if _undisputed(selection) else sound
     nothing: Finding = "none" if _little(before) and left(after) <= sound else "unknown"
     if not effects:
         return nothing, ()
@@ -191,6 +193,19 @@ def _matters(selection: Selection[Explained]) -> bool:
         > times * max(floor, share * now)
         for axis in range(len(before.model.axes))
     )
+
+
+def _undisputed(selection: Selection[Explained]) -> bool:
+    """Whether all models that were tried and come as near to all moves say the same backlash, as far as it matters and
+    they know."""
+    floor, share = MATTERS
+    near = [t for t in selection.tried if distance(t) <= distance(selection.before)]
+    for axis in range(len(selection.before.model.fitted.model.axes) if near else 0):
+        b = backlash_of(selection.before.model.fitted, axis)[0]
+        for other, std in (backlash_of(t.model.fitted, axis) for t in near):
+            if abs(other - b) > max(floor, share * b) + SURELY * std:
+                return False
+    return bool(near)
 
 
 def _little(trial: Trial[Explained]) -> bool:

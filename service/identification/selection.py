@@ -69,13 +69,15 @@ class Trial(Generic[ModelT]):
 
 @dataclass(frozen=True)
 class Selection(Generic[ModelT]):
-    """Outcome: the first and the last trial, effects in order of taking, all candidates, and rivals."""
+    """Outcome: the first and the last trial, effects in order of taking, all candidates, and rivals; `tried` are the
+    trials of all candidates for the first effect."""
 
     before: Trial[ModelT]
     after: Trial[ModelT]
     effects: tuple[str, ...]
     candidates: tuple[Candidate, ...]
     rivals: tuple[tuple[str, str], ...]
+    tried: tuple[Trial[ModelT], ...] = ()
 
 
 def left(trial: Trial[ModelT]) -> float:
@@ -214,6 +216,7 @@ def select(
     first = before
     log: list[Candidate] = []
     rivals: list[tuple[str, str]] = []
+    tried: tuple[Trial[ModelT], ...] = ()
     for _ in range(limits.most):
         missing = left if taken else shown
         material, enough = limits.of_next(taken)
@@ -223,7 +226,7 @@ def select(
         if not trials:
             break
         present = challenge(present, min(trials.values(), key=distance))
-        first = first if taken else present
+        first, tried = (first, tried) if taken else (present, tuple(trials.values()))
         if missing(present) <= enough:
             break
         judged = {n: _judge(n, present, trial, len(trials), material) for n, trial in trials.items()}
@@ -249,7 +252,7 @@ def select(
         if limits.reached(first, present, len(taken)):
             break
     named = tuple(n for n in taken if not any(n in contains(other) for other in taken))
-    return Selection(first, present, named, tuple(log), tuple(r for r in rivals if r[0] in named))
+    return Selection(first, present, named, tuple(log), tuple(r for r in rivals if r[0] in named), tried)
 
 
 def _thinned(

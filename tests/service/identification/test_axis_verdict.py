@@ -54,6 +54,30 @@ def test_effects_are_named_when_they_leave_next_to_nothing(
     assert (found, named) == (finding, effects if finding == "effect" else ())
 
 
+@pytest.mark.parametrize(
+    ("left", "others", "found"),
+    [
+        (1.5, ((50.9e-6, 1e-7), (33e-6, 1.7e-5)), "none"),
+        (1.7, ((50.9e-6, 1e-7),), "unknown"),
+        (1.5, ((50.9e-6, 1e-7), (52.5e-6, 1e-7)), "unknown"),
+        (1.5, (), "unknown"),
+        (1.2, ((52.5e-6, 1e-7),), "none"),
+    ],
+)
+def test_impurities_are_no_finding_where_nothing_in_their_place_changes_the_backlash(
+    monkeypatch: pytest.MonkeyPatch, left: float, others: tuple[tuple[float, float], ...], found: str
+) -> None:
+    """A ripple, a bend and cogging together left 1.46, and no effect alone explained them. A second gap knows nothing
+    of how it is divided; what is farther from the moves than the declared model says nothing."""
+    tried = [trial(left - 0.1, 2.0) for _ in others] + [trial(9.0, 9.0)]
+    before = trial(left, 2.5)
+    for one, both in zip([before, *tried], [(50e-6, 1e-7), *others, (9e-5, 1e-7)], strict=True):
+        one.model.fitted.both = both
+    monkeypatch.setattr(axis_verdict, "backlash_of", lambda fitted, _axis: fitted.both)
+    selection = Selection(before, before, (), (), (), tuple(tried))
+    assert axis_verdict.finding_of(selection)[0] == found
+
+
 def test_a_sound_model_of_accepted_effects_may_leave_what_its_laws_leave() -> None:
     selection = Selection(trial(1.4, 2.5), trial(1.4, 2.5), (), (), ())
     assert axis_verdict.finding_of(selection)[0] == "unknown"
