@@ -54,7 +54,7 @@ def with_expected_errors(moves: Moves, found: Fitted, fitted: bool) -> Moves:
     return replace(moves, expected=expected, wander=wander)
 
 
-def with_sharpened_noise(found: Fitted) -> tuple[Moves, ...]:
+def expecting_its_own(found: Fitted) -> tuple[Moves, ...]:
     """The moves of a fit with what is expected of its own model; models are compared as before."""
     again = (with_expected_errors(part, found, fitted=True) for part in found.moves)
     return tuple(

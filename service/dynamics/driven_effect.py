@@ -69,7 +69,8 @@ class DrivenEffect:
     bends_friction : it adds to a guide's tabulated friction
     many_valleys : its fits end in many places: no score ranks its shapes, and fits begin where its numbers are `varied`
     contains : effects that it becomes when some of its amounts are zero
-    sharpens : it undoes a low pass on the drive's speed, and makes more of that speed's noise
+    own_errors : the noise of the drives' speeds does something else with it, so that what its fits are expected to miss
+        is found by it: it undoes a low pass, or ties two motors together
     nearly : effects whose law is the same but for what little of a recording tells, such as quick motion
     free_swing : of an effect that swings on while the axis rests the parameter that is its frequency, and how strong it
         is where it is heard then: values of `own` or `shared` by name
@@ -86,7 +87,7 @@ class DrivenEffect:
     shapes: ClassVar[tuple[Mapping[str, float], ...]] = ({},)
     bends_friction: ClassVar[bool] = False
     many_valleys: ClassVar[bool] = False
-    sharpens: ClassVar[bool] = False
+    own_errors: ClassVar[bool] = False
     contains: ClassVar[tuple[str, ...]] = ()
     nearly: ClassVar[tuple[str, ...]] = ()
     free_swing: ClassVar[tuple[str, Mapping[str, float]] | None] = None

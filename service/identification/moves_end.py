@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from service.backlash.moves import Moves
-from service.backlash.moves_begun import Values, with_sharpened_noise
+from service.backlash.moves_begun import Values, expecting_its_own
 from service.backlash.moves_fit import Fitted, Point, fit, reconstructed, values_at
 from service.dynamics.driven_model import LINKS
 from service.identification.held_out import DESCRIBED, NEAR, Explained, overdamped, trial_of
@@ -134,7 +134,7 @@ def ended(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
     lacks_something = trial.model.fitted.model == scene.declared and trial.train_rms > SOUND
     if trial.model.ended or lacks_something:
         return trial
-    best = as_sharpened(in_full(trial.model.fitted))
+    best = with_own_errors(in_full(trial.model.fitted))
     more = MORE if swings_at_all(best.model) else 1
     for _ in range(more if best.rms < HOPELESS else 0):
         further = settled(best, ROUNDS)
@@ -146,12 +146,13 @@ def ended(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
     return replace(out, model=replace(out.model, ended=True))
 
 
-def as_sharpened(found: Fitted) -> Fitted:
-    """The fit with the errors that are expected of its own model, if that sharpens the noise of the speed: else it
-    takes a delay, which does not, for a part of the filter, and damps what the noise excites."""
-    if not any(effect.sharpens for effect in found.model.effects):
+def with_own_errors(found: Fitted) -> Fitted:
+    """The fit with the errors that are expected of its own model, once, where its effects make something else of the
+    speeds' noise: else a filter that is undone, and sharpens it, is described by a delay and by masses that damp it."""
+    known = all(part.judged is not None for part in found.moves)
+    if known or not any(effect.own_errors for effect in found.model.effects):
         return found
-    return fit(with_sharpened_noise(found), found.model, found.at, ROUNDS)
+    return fit(expecting_its_own(found), found.model, found.at, ROUNDS)
 
 
 def steady(found: Fitted) -> Fitted:

@@ -206,6 +206,7 @@ class DrivenGantryCoupling(MotorWander):
     """Two axes that are declared to be single pull on each other: f of eq. (9), on a model without a bridge."""
 
     name: ClassVar[str] = "gantry_coupling"
+    own_errors: ClassVar[bool] = True
     means: ClassVar[str] = "the two sides of the gantry pull on each other through the bridge"
     shared: ClassVar[tuple[Parameter, ...]] = (
         Parameter("bridge_stiffness", "1/s²", 0.0, 1e5, logarithmic=False, low=0.0, dose=1e3),

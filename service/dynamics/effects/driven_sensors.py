@@ -94,7 +94,7 @@ class DrivenSpeedFilter(DrivenEffect):
     own: ClassVar[tuple[Parameter, ...]] = (
         Parameter("filter_time", "s", 0.0, 1e-3, logarithmic=False, low=0.0, high=1e-2, dose=1e-4),
     )
-    sharpens: ClassVar[bool] = True
+    own_errors: ClassVar[bool] = True
     nearly: ClassVar[tuple[str, ...]] = ("sensor_latency",)
 
     def instead(self, values: Mapping[str, float]) -> Mapping[str, float]:

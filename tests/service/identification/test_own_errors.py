@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from service.backlash.moves import Moves, early_part, moves_of, some_of
-from service.backlash.moves_begun import point_at, with_sharpened_noise
+from service.backlash.moves_begun import expecting_its_own, point_at
 from service.backlash.moves_fit import Fitted, fit
 from service.captures import read_capture
 from service.dynamics.driven_model import DrivenEffect, Model
 from service.dynamics.effects.driven_sensors import DrivenLatency, DrivenSpeedFilter
 from service.identification.held_out import judged_rms
-from service.identification.moves_end import as_sharpened
+from service.identification.moves_end import with_own_errors
 
 
 @pytest.fixture(scope="module")
@@ -35,20 +35,21 @@ def test_a_filter_that_is_undone_is_expected_to_miss_more_the_slower_it_is(moves
 
     def excess(tau: float) -> float:
         found = fitted(moves, DrivenSpeedFilter(("X1",)), filter_time=tau)
-        return float(np.mean(with_sharpened_noise(found)[0].expected[moves.used] ** 2))
+        return float(np.mean(expecting_its_own(found)[0].expected[moves.used] ** 2))
 
     assert excess(0.0) < excess(2e-3) < excess(4e-3)
 
 
 def test_a_delay_sharpens_nothing(moves: Moves) -> None:
     found = fitted(moves, DrivenLatency(("X1",)), latency=-2e-3)
-    assert as_sharpened(found) is found
+    assert with_own_errors(found) is found
 
 
 def test_models_are_compared_by_what_was_expected_before(moves: Moves) -> None:
     """Else one that expects to miss everything would explain everything."""
     found = fitted(moves, DrivenSpeedFilter(("X1",)), filter_time=4e-3)
-    sharpened = as_sharpened(as_sharpened(found))
+    sharpened = with_own_errors(found)
+    assert with_own_errors(sharpened) is sharpened, "once"
     (part,) = sharpened.moves
     assert part.judged is moves.expected
     over_noise = sharpened.r * part.expected[part.used]
