@@ -26,6 +26,8 @@ it must gain to be continued again."""
 TURNS, STEADY = 8, 2.0
 """How often a fit and the reconstructed motion take turns at the end, and the change of the sum of squares, over the
 noise, from which on they agree (chosen: a standard deviation of one number changes it by one)."""
+STILL = 5e-4
+"""Share of its RMS by which a fit changes between two turns that goes nowhere any more (chosen)."""
 FEW_ROUNDS = 4
 """Rounds of a fit between two turns of a motion that a wrong chain may have made."""
 PUT_BACK = ("turnover_speed", "turnover_spread", "coulomb", "viscous", "damping_ratio", "smear")
@@ -75,14 +77,16 @@ def out_of_corner(found: Fitted, rounds: int) -> Fitted:
 
 
 def in_turns(found: Fitted) -> Fitted:
-    """The best of the fits to the motion of the motors that is reconstructed from the one before, each of a few rounds.
-    A wrong chain makes a motion that fits it, and the way from there leads uphill first."""
+    """The best of the fits to the motion of the motors that is reconstructed from the one before, each of a few rounds,
+    until they stand still. A wrong chain makes a motion that fits it, and the way from there leads uphill first."""
     best = on = found
     for _ in range(TURNS):
         if best.rms < DESCRIBED:
             break
-        on = fit(reconstructed(on), on.model, on.at, FEW_ROUNDS)
+        before, on = on, fit(reconstructed(on), on.model, on.at, FEW_ROUNDS)
         best = min(best, on, key=lambda f: f.rms)
+        if abs(on.rms - before.rms) < STILL * on.rms:
+            break
     return best
 
 

@@ -162,7 +162,11 @@ def test_a_corner_is_left_over_two_ridges_if_what_lies_behind_is_as_near(
 
 @pytest.mark.parametrize(
     ("turns", "reached", "taken"),
-    [((3.4, 4.2, 1.6, 1.1), 1.1, 4), ((3.4, 3.5, 3.4, 3.6, 3.3, 3.4, 3.5, 3.4), 3.2, 8)],
+    [
+        ((3.4, 4.2, 1.6, 1.1), 1.1, 4),
+        ((3.4, 3.5, 3.4, 3.6, 3.3, 3.4, 3.5, 3.4), 3.2, 8),
+        ((3.19, 3.18, 3.1799, 1.1), 3.1799, 3),
+    ],
 )
 def test_the_way_from_a_motion_that_a_wrong_chain_has_made_leads_uphill(
     monkeypatch: Any, turns: tuple[float, ...], reached: float, taken: int
