@@ -125,10 +125,13 @@ def verdict(
 def finding_of(
     selection: Selection[Explained], seen_at_rest: tuple[str, ...] = (), sound: float = LEFT_BY_CLEAN
 ) -> tuple[Finding, tuple[str, ...]]:
-    """``effect`` only when the named effects leave near nothing: a part of an unknown is not an explanation. What was
-    `seen_at_rest`, beside all moves, is no impurity that a fit may imagine. A model that leaves no more
-    than `sound` may lack nothing, and one that leaves a little more only impurities, if nothing that is tried in their
-    place changes the backlash."""
+    """``effect`` only when the named effects leave near nothing: a part of an unknown is not an explanation.
+
+    What was `seen_at_rest`, beside all moves, is no impurity that a fit may imagine, and has its name where the moves
+    that were fitted are described with it, however far from the others a chain is that is not known well. A model that
+    leaves no more than `sound` may lack nothing, and one that leaves a little more only impurities, if nothing that is
+    tried in their place changes the backlash.
+    """
     before, after, effects = selection.before, selection.after, selection.effects
     sound = max(sound, SMALL) if _undisputed(selection) else sound
     nothing: Finding = "none" if _little(before) and left(after) <= sound else "unknown"
@@ -140,7 +143,7 @@ def finding_of(
         uncommon = not _common(selection) and left(before) > SEARCHED
         clearly = explained(before, after, CLEARLY) and gone(before.train_rms, after.train_rms, CLEARLY)
         whole = len(effects) == 1 and clearly and (seen or after.validation_rms <= LEFT_BY_CLEAN)
-        clear = effects == seen_at_rest or (uncommon and whole)
+        clear = effects == seen_at_rest or (uncommon and whole and not _common_comes_as_near(selection))
         if _little(before) and not (alone and seen) and not clear:
             return nothing, ()
         everything = before.validation_rms > CHANGED and shown(after) <= LEFT_BY_CLEAN
@@ -151,7 +154,8 @@ def finding_of(
     # A law with many valleys imitates much, and holds exactly where it acts.
     exact = any(DRIVEN[name].many_valleys for name in effects if name in DRIVEN)
     near = error(after) <= (LEFT_BY_ONE if alone and not exact else LEFT) and most <= CHANGED
-    wholly = alone and after.train_rms <= LEFT and explained(before, after, WHOLLY)
+    certain = effects == seen_at_rest and explained(before, after, PART)
+    wholly = after.train_rms <= LEFT and (certain or (alone and explained(before, after, WHOLLY)))
     if wholly or (near and explained(before, after, PART) and _fitted_too(before, after)):
         return "effect", effects
     return "unknown", ()
@@ -180,6 +184,16 @@ def _common(selection: Selection[Explained], everything: bool = False) -> bool:
         if any(abs(value) - SURELY * std > most for value, std in of_axes):
             return False
     return True
+
+
+def _common_comes_as_near(selection: Selection[Explained]) -> bool:
+    """Whether something that every sound machine has, as much as one may have, comes as near to all moves as what was
+    found: then that is the likelier explanation."""
+    for trial in selection.tried:
+        one = replace(selection, effects=(trial.model.fitted.model.effects[-1].name,), after=trial)
+        if distance(trial) <= distance(selection.after) and _common(one):
+            return True
+    return False
 
 
 def _matters(selection: Selection[Explained]) -> bool:

@@ -115,6 +115,45 @@ def test_what_was_seen_at_rest_is_named_however_little_it_changes_the_backlash(
     assert axis_verdict.finding_of(selection, seen)[0] == found
 
 
+@pytest.mark.parametrize(
+    ("seen", "after", "found"),
+    [
+        (("sensor_bias",), (1.35, 4.4), "effect"),
+        (("sensor_bias",), (2.1, 4.4), "unknown"),
+        (("sensor_bias",), (1.35, 7.0), "unknown"),
+        ((), (1.35, 4.4), "unknown"),
+    ],
+)
+def test_what_was_seen_at_rest_and_describes_what_was_fitted_needs_no_well_known_chain(
+    monkeypatch: pytest.MonkeyPatch, seen: tuple[str, ...], after: tuple[float, float], found: str
+) -> None:
+    """A load that bounced thrice as it stopped was met at the wrong time the third time, the zero's course was seen."""
+    values = iter([(134.0e-6, 1e-7), (130.0e-6, 1e-7)])
+    monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: next(values))
+    selection = Selection(trial(7.9, 9.5), trial(*after), ("sensor_bias",), (), ())
+    assert axis_verdict.finding_of(selection, seen)[0] == found
+
+
+@pytest.mark.parametrize(
+    ("name", "rms", "found"),
+    [
+        ("transmission_ripple", 0.98, "none"),
+        ("transmission_ripple", 1.1, "effect"),
+        ("stribeck_friction", 0.98, "effect"),
+    ],
+)
+def test_what_a_mesh_explains_as_well_is_no_finding_where_the_backlash_stays(
+    monkeypatch: pytest.MonkeyPatch, name: str, rms: float, found: str
+) -> None:
+    """An error of the mesh at two places looked like a friction that differs by direction."""
+    monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: (30e-6, 1e-7))
+    monkeypatch.setattr(axis_verdict, "deviations", lambda _fitted: {})
+    other = trial(rms, rms)
+    other.model.fitted.model.effects = (SimpleNamespace(name=name),)
+    selection = Selection(trial(1.4, 1.9), trial(1.0, 1.03), ("asymmetric_friction",), (), (), tried=(other,))
+    assert axis_verdict.finding_of(selection)[0] == found
+
+
 def test_a_residual_that_is_named_by_nothing_is_no_impurity(monkeypatch: pytest.MonkeyPatch) -> None:
     """What moves the backlash by next to nothing has to explain what is missing."""
     monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: (50e-6, 1e-7))
