@@ -21,6 +21,7 @@ from service.identification.moves_starts import (
     SUMMED,
     Candidate,
     added,
+    begun_at,
     fewer,
     grounds,
     heard_on_typical_machines,
@@ -29,6 +30,7 @@ from service.identification.moves_starts import (
     on_typical_machine,
     placed,
     speeds_first,
+    strong_either_way,
 )
 from service.identification.moves_valleys import valleys
 from service.identification.scene import Scene
@@ -133,9 +135,10 @@ def glimpsed(scene: Scene, found: Fitted, candidate: Candidate) -> list[Fitted]:
         return glimpses
     typical = point_at(candidate.model, on_typical_machine(candidate, values[0]), few)
     swinging = [point_at(candidate.model, one, few) for one in heard_on_typical_machines(scene, candidate)]
+    strong = [begun_at(few, candidate.model, one) for one in strong_either_way(found, candidate)]
     return [
         *glimpses,
-        fit(few, candidate.model, typical, FROM_AFAR),
+        *(fit(few, candidate.model, at, FROM_AFAR) for at in (typical, *strong)),
         *(speeds_first(few, candidate.model, at, SUMMED[0], FROM_AFAR) for at in swinging),
     ]
 

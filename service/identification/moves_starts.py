@@ -22,7 +22,7 @@ from service.backlash.moves_begun import Values, point_at
 from service.backlash.moves_fit import Fitted, Point, best_of_each, fit, values_at, width
 from service.dynamics.driven_model import LINKS, DrivenEffect, Model
 from service.dynamics.driven_parameters import LINK_PARAMETERS
-from service.identification.held_out import DESCRIBED
+from service.identification.held_out import DESCRIBED, NEAR
 from service.identification.scene import Scene
 from service.recording import FloatArray
 
@@ -155,6 +155,18 @@ def on_typical_machine(candidate: Candidate, shape: Values) -> Values:
     effect has done to the numbers of the present model, or of any place without it, may lead nowhere."""
     strong = {p.name: p.spread for p in candidate.effect.parameters if p.dose and p.low >= 0.0}
     return {**{p.name: shape[p.name] for p in candidate.effect.parameters}, **strong}
+
+
+def strong_either_way(found: Fitted, candidate: Candidate) -> list[Values]:
+    """The present machine with one amount of the effect as strong as it may well be, in either sense, and none of the
+    others. Where a load is pressed across its gap by a strong force, it moves otherwise than with a small dose of it,
+    from which a score is taken. None unless much is missing."""
+    effect = candidate.effect
+    if found.rms < NEAR:
+        return []
+    nothing = {**values_at(found), **effect.starts[0]}
+    amounts = [p for p in effect.parameters if p.dose and p.low < 0.0]
+    return [{**nothing, p.name: sign * p.spread} for p in amounts for sign in (-1.0, 1.0)]
 
 
 def heard_on_typical_machines(scene: Scene, candidate: Candidate) -> list[Values]:

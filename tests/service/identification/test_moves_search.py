@@ -143,6 +143,20 @@ def test_what_is_heard_is_begun_with_little_and_with_much_friction(heard: float 
     assert len(set(frictions)) == starts
 
 
+@pytest.mark.parametrize("rms", [1.5, 9.0])
+def test_where_much_is_missing_an_amount_of_two_signs_is_begun_strong_in_either_sense(rms: float) -> None:
+    """A chain that pulls seven times as hard as the guide rubs takes the load across its gap within the move: a small
+    dose of it, from which a score is taken, does not."""
+    model = Model(("X1",), 2)
+    present = SimpleNamespace(rms=rms, model=model, at=Point(np.zeros(len(model.parameters)), ()))
+    candidate = moves_starts.candidates(model, [DRIVEN["position_dependent_force"]], ())[0]
+    begun = moves_starts.strong_either_way(cast(Any, present), candidate)
+    amounts = [(v["X1.spring_rate"], v["X1.spring_preload"]) for v in begun]
+    strong = [(-200.0, 0.0), (200.0, 0.0), (0.0, -0.5), (0.0, 0.5)]
+    assert amounts == (strong if rms > moves_starts.NEAR else [])
+    assert all(v["X1.backlash"] == 5e-5 for v in begun), "the machine is the present one"
+
+
 def test_what_acts_one_way_is_begun_in_the_name_of_each_effect_that_is_alike() -> None:
     """While an axis moves, −s·(F_C + s·A) = −s·F_C − A: an asymmetry A is a constant force −A."""
     place = {"X1.constant_force": 0.8, "X1.spring_rate": 3.0, "X1.coulomb": 1.0}
