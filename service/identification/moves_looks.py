@@ -99,7 +99,7 @@ def compared(
     known does, only those that are about as near. Where the present fit describes the moves, it is no bad start, and no
     other is tried; of many valleys the first look tells little even there. Where they are out of reach, the first look
     is all; of further effects it is all of each that is hardly nearer than the present fit."""
-    looks = {one.name: glimpsed(scene, found, one) for one in library}
+    looks = {one.name: glimpsed(scene, found, one, known) for one in library}
     least = min([known, *map(nearest, looks.values())])
     far = AS_NEAR * known if gone(found.rms, known, EXPLAINED) else max(FAR_OFF * least, NEAR)
     hopeful = [one for one in library if nearest(looks[one.name]) < far]
@@ -125,8 +125,9 @@ def compared(
     return out
 
 
-def glimpsed(scene: Scene, found: Fitted, candidate: Candidate) -> list[Fitted]:
-    """Fits of a few moves, begun where the candidate mostly finds to its best one."""
+def glimpsed(scene: Scene, found: Fitted, candidate: Candidate, known: float = np.inf) -> list[Fitted]:
+    """Fits of a few moves, begun where the candidate mostly finds to its best one; strong ones unless something is
+    `known` by its RMS that explains nearly all."""
     few = fewer(found)
     values = likely(scene, found, candidate)
     starts = [added(found, candidate, values[0]), *(point_at(candidate.model, one, few) for one in values)]
@@ -135,10 +136,11 @@ def glimpsed(scene: Scene, found: Fitted, candidate: Candidate) -> list[Fitted]:
         return glimpses
     typical = point_at(candidate.model, on_typical_machine(candidate, values[0]), few)
     swinging = [point_at(candidate.model, one, few) for one in heard_on_typical_machines(scene, candidate)]
-    strong = [begun_at(few, candidate.model, one) for one in strong_either_way(found, candidate)]
+    strong = [] if gone(found.rms, known, EXPLAINED) else strong_either_way(found, candidate)
+    begun = [typical, *(begun_at(few, candidate.model, one) for one in strong)]
     return [
         *glimpses,
-        *(fit(few, candidate.model, at, FROM_AFAR) for at in (typical, *strong)),
+        *(fit(few, candidate.model, at, FROM_AFAR) for at in begun),
         *(speeds_first(few, candidate.model, at, SUMMED[0], FROM_AFAR) for at in swinging),
     ]
 

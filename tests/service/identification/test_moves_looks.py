@@ -78,7 +78,7 @@ def test_a_second_look_is_for_what_may_still_be_the_best(monkeypatch: Any) -> No
     again: list[str] = []
     second = 1.2
     fits = {name: [stub(rms, name)] for name, rms in (begun | nowhere).items()}
-    monkeypatch.setattr(moves_looks, "glimpsed", lambda _s, _f, one: fits[one.name])
+    monkeypatch.setattr(moves_looks, "glimpsed", lambda _s, _f, one, _known: fits[one.name])
     monkeypatch.setattr(
         moves_looks,
         "looked_at",
@@ -128,7 +128,7 @@ def test_a_second_look_is_for_what_may_still_be_the_best(monkeypatch: Any) -> No
 
 def test_of_further_effects_only_what_comes_nearer_than_the_present_fit_is_followed(monkeypatch: Any) -> None:
     monkeypatch.setattr(moves_looks, "on_a_few_moves", lambda _found: stub(2.0))
-    monkeypatch.setattr(moves_looks, "glimpsed", lambda _s, _f, one: [stub(one.begun)])
+    monkeypatch.setattr(moves_looks, "glimpsed", lambda _s, _f, one, _known: [stub(one.begun)])
     monkeypatch.setattr(moves_looks, "looked_at", lambda fits: fits)
     monkeypatch.setattr(moves_looks, "second_look", lambda *_: [])
     monkeypatch.setattr(moves_looks, "grounds", lambda *_: [])
