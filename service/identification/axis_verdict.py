@@ -189,11 +189,9 @@ def _common(selection: Selection[Explained], everything: bool = False) -> bool:
 def _common_comes_as_near(selection: Selection[Explained]) -> bool:
     """Whether something that every sound machine has, as much as one may have, comes as near to all moves as what was
     found: then that is the likelier explanation."""
-    for trial in selection.tried:
-        one = replace(selection, effects=(trial.model.fitted.model.effects[-1].name,), after=trial)
-        if distance(trial) <= distance(selection.after) and _common(one):
-            return True
-    return False
+    near = (trial for trial in selection.tried if distance(trial) <= distance(selection.after))
+    names = ((trial, trial.model.fitted.model.effects[-1].name) for trial in near)
+    return any(_common(replace(selection, effects=(name,), after=trial)) for trial, name in names)
 
 
 def _matters(selection: Selection[Explained]) -> bool:

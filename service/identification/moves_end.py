@@ -27,8 +27,8 @@ TURNS, STEADY = 8, 2.0
 """How often a fit and the reconstructed motion take turns at the end, and the change of the sum of squares, over the
 noise, from which on they agree (chosen: a standard deviation of one number changes it by one)."""
 STILL = 1e-4
-"""Share of its RMS by which a fit changes between two turns that goes nowhere any more (chosen: those that arrive move
-on by a few times as much)."""
+"""Share of its RMS by which a fit changes between two turns that goes nowhere any more (chosen: ended at five times
+as much, the fit of the shared Stribeck pair was still on its way)."""
 FEW_ROUNDS = 4
 """Rounds of a fit between two turns of a motion that a wrong chain may have made."""
 PUT_BACK = ("turnover_speed", "turnover_spread", "coulomb", "viscous", "damping_ratio", "smear")

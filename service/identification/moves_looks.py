@@ -125,7 +125,7 @@ def compared(
     return out
 
 
-def glimpsed(scene: Scene, found: Fitted, candidate: Candidate, known: float = np.inf) -> list[Fitted]:
+def glimpsed(scene: Scene, found: Fitted, candidate: Candidate, known: float) -> list[Fitted]:
     """Fits of a few moves, begun where the candidate mostly finds to its best one; strong ones unless something is
     `known` by its RMS that explains nearly all."""
     few = fewer(found)

@@ -145,7 +145,7 @@ def test_what_is_heard_is_begun_with_little_and_with_much_friction(heard: float 
 
 @pytest.mark.parametrize("rms", [1.5, 9.0])
 def test_where_much_is_missing_an_amount_of_two_signs_is_begun_strong_in_either_sense(rms: float) -> None:
-    """A chain that pulls seven times as hard as the guide rubs takes the load across its gap within the move: a small
+    """A chain whose force changes within a move by more than the guide rubs takes the load across its gap: a small
     dose of it, from which a score is taken, does not."""
     model = Model(("X1",), 2)
     present = SimpleNamespace(rms=rms, model=model, at=Point(np.zeros(len(model.parameters)), ()))
