@@ -16,6 +16,7 @@ from service.dynamics.driven_motion import StepGrid, on_grid, plain_motion, samp
 from service.dynamics.driven_reconstruction import (
     Balance,
     Load,
+    as_reported,
     echo,
     motor_balance,
     reconstructed_motion,
@@ -206,12 +207,21 @@ def swings_fast(measured: Measured, problem: Problem, fit: Fit) -> bool:
 
 
 def reconstructed(
-    recording: Recording, axis: str, loads: Sequence[Load], before: Sequence[PPoly], kept: float
+    recording: Recording,
+    axis: str,
+    loads: Sequence[Load],
+    before: Sequence[PPoly],
+    kept: float,
+    lag: float = 0.0,
 ) -> tuple[list[PPoly], Balance]:
-    """One motor's motion around every step, from its samples, the forces on it and its motion so far."""
+    """One motor's motion around every step, from its samples, the forces on it and its motion so far; as the drive
+    reports it behind a first-order `lag` [s]."""
+    loads = [as_reported(load, lag) for load in loads]
     speed, torque = recording.traces[axis, "motor_speed"], recording.trace(axis, "motor_torque")
     transmission = recording.axis(axis).transmission
-    torques = None if torque is None else torque_courses([window(torque, load) for load in loads], before)
+    torques = (
+        None if torque is None else torque_courses([window(torque, load) for load in loads], before, lag)
+    )
     balance = motor_balance(speed, transmission, loads, torques)
     return [
         reconstructed_motion(

@@ -372,15 +372,16 @@ def with_reconstructed_motion(
     """
     values = model.complete(free_values(model, shared[None]))
     kept = 0.0 if moves.reference is None else KEPT
+    lags = model.lags({name: float(value[0]) for name, value in free_values(model, shared[None]).items()})
     motions, echoes = [], []
     for x, axis in enumerate(moves.axes):
         skew = float(values[f"{axis}.skew"][0])
         loads = [(grid.time + skew, force[t, x]) for t, grid in enumerate(moves.grids)]
         before = [motion[x] for motion in moves.motion]
-        motion, balance = reconstructed(moves.recording, axis, loads, before, kept)
+        motion, balance = reconstructed(moves.recording, axis, loads, before, kept, lags[x])
         motions.append(motion)
         speed = moves.recording.traces[axis, "motor_speed"]
-        echoes.append(echoes_of(speed, loads, balance, 1.0 - kept) if follow else [])
+        echoes.append(echoes_of(speed, loads, balance, 1.0 - kept, lags[x]) if follow else [])
     return replace(
         moves,
         motion=tuple(zip(*motions, strict=True)),
@@ -389,7 +390,7 @@ def with_reconstructed_motion(
     )
 
 
-def echoes_of(speed: Trace, loads: Sequence[Load], balance: Balance, share: float) -> list[Echo]:
+def echoes_of(speed: Trace, loads: Sequence[Load], balance: Balance, share: float, lag: float) -> list[Echo]:
     """The echo of every move; moves whose samples lie alike on the grid share one."""
     known: dict[tuple[int, int], Echo] = {}
     out = []
@@ -397,6 +398,6 @@ def echoes_of(speed: Trace, loads: Sequence[Load], balance: Balance, share: floa
         part = window(speed, load)
         where = (round((float(part.time[0]) - float(load[0][0])) * 1e7), len(part))
         if where not in known:
-            known[where] = echo(speed, load, balance, share)
+            known[where] = echo(speed, load, balance, share, lag=lag)
         out.append(known[where])
     return out

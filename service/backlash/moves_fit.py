@@ -7,7 +7,7 @@ max(1, present misfit), so that the priors hold while the fit is still bad.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
@@ -24,8 +24,6 @@ FAR = 5.0
 OVERFLOWN = 1e8
 LADDER = np.array([0.01, 0.1, 0.5, 2.0, 10.0, 1e3])
 """Dampings tried at once around the last good one."""
-LAGS = 2e-4
-"""Time constant of a filter from which on a drive's speed is taken to have no kinks [s] (chosen)."""
 REST_PLACES = (0.0, -0.05, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0, 1.05)
 """Shares of the gap behind the driving flank at which the pinion may rest when a move begins."""
 CLOSE_PLACES = tuple(np.linspace(-0.05, 1.05, 45))
@@ -370,21 +368,9 @@ def as_alike_moves(found: Fitted) -> Point:
     return Point(found.at.shared, tuple(local))
 
 
-def filtered(found: Fitted) -> bool:
-    """Whether the drives' speeds have passed a filter by a fit; beside a latency it does not tell which of both."""
-    values, effects = values_at(found), found.model.effects
-    alone = all(effect.name != "sensor_latency" for effect in effects)
-    return alone and max((effect.lags(values) for effect in effects), default=0.0) > LAGS
-
-
 def reconstructed(found: Fitted, follow: bool = True) -> tuple[Moves, ...]:
     """The moves with the motor's motion reconstructed from the fit; with `follow` it goes on following the force. No
-    motor follows a fit that ran away. What a filter has passed has no kinks between its samples, which it would get."""
-    if filtered(found):
-        return tuple(
-            replace(part, motion=tuple(part.plain for _ in part.grids), echoes=(), reference=None)
-            for part in found.moves
-        )
+    motor follows a fit that ran away."""
     out = []
     for part, local in zip(found.moves, found.at.local, strict=True):
         force = predict(part, found.model, found.at.shared[None], local[None]).force()[0]

@@ -133,8 +133,9 @@ class DrivenEffect:
         """Its coordinates of a step with which an axis may rest, by full name in their units, beside 0."""
         return ()
 
-    def lags(self, values: Mapping[str, float]) -> float:
-        """Time constant [s] by which the drive's speed lags behind the motor's, with values by full name."""
+    def lag(self, values: Mapping[str, float], axis: str) -> float:
+        """Time constant [s] by which the speed that an axis' drive reports lags behind its motor's, with values by full
+        name."""
         return 0.0
 
     @property

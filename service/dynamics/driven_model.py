@@ -88,6 +88,13 @@ class Model(Structure):
             whole = effect.restate(whole)
         return whole
 
+    def lags(self, values: Mapping[str, float]) -> tuple[float, ...]:
+        """Time constants [s] by which the drives' speeds lag behind their motors', with values by full name; beside a
+        latency a filter does not tell which of both."""
+        if any(effect.name == "sensor_latency" for effect in self.effects):
+            return (0.0,) * len(self.axes)
+        return tuple(sum(effect.lag(values, axis) for effect in self.effects) for axis in self.axes)
+
     def cases(self, whole: Case) -> Iterator[tuple[DrivenEffect, Case, Room]]:
         """Every effect with the case as it sees it and where its own part of the system begins."""
         room, first = Room(self.states_per_axis * len(self.axes), self.first_free_gap, len(self.axes)), 0

@@ -62,6 +62,13 @@ class Drive:
     lag: float
 
 
+def as_reported(load: Load, lag: float) -> Load:
+    """The force that makes the speed which a drive reports behind a first-order lag [s]: eq. (1) holds of both alike,
+    since it is linear."""
+    time, force = load
+    return time, behind(force, float(time[1] - time[0]), lag)
+
+
 def window(trace: Trace, load: Load) -> Trace:
     """A trace's samples around one step."""
     margin = (EDGE_SAMPLES + 0.5) * float(np.median(np.diff(trace.time)))
@@ -86,16 +93,20 @@ def mean_between(course: PPoly, time: FloatArray) -> FloatArray:
     return np.asarray(np.diff(course.antiderivative()(time)) / np.diff(time))
 
 
+def behind(course: FloatArray, spacing: float, lag: float) -> FloatArray:
+    """Courses (n, …) of points so far apart [s] behind a first-order lag [s]; straight between them, steady before."""
+    if not lag > 0.0:
+        return course
+    keep = np.exp(-spacing / lag)
+    gain = lag / spacing * (1.0 - keep)
+    out, _ = lfilter([1.0 - gain, gain - keep], [1.0, -keep], course, axis=0, zi=gain * course[:1])
+    return np.asarray(out)
+
+
 def lagging(motion: PPoly, times: FloatArray, lag: float) -> tuple[FloatArray, FloatArray]:
     """Fine times [s] over the span of `times` and a motor's speed behind a first-order lag [m/s]."""
     fine = np.arange(times[0], times[-1] + FINE, FINE)
-    speed = np.asarray(motion(fine, 1))
-    keep = np.exp(-FINE / lag)
-    gain = lag / FINE * (1.0 - keep)
-    followed, _ = lfilter(
-        [1.0 - gain, gain - keep], [1.0, -keep], speed, zi=[speed[0] * (gain - keep + keep)]
-    )
-    return fine, np.asarray(followed)
+    return fine, behind(np.asarray(motion(fine, 1)), FINE, lag)
 
 
 def drive_of(torques: Sequence[Trace], motions: Sequence[PPoly]) -> Drive:
@@ -116,18 +127,19 @@ def drive_of(torques: Sequence[Trace], motions: Sequence[PPoly]) -> Drive:
     return Drive(max(gain, 0.0), lag)
 
 
-def torque_courses(torques: Sequence[Trace], motions: Sequence[PPoly]) -> list[PPoly]:
-    """The torque around every step [N m], from its samples there and the motor's motion so far."""
+def torque_courses(torques: Sequence[Trace], motions: Sequence[PPoly], lag: float = 0.0) -> list[PPoly]:
+    """The torque around every step [N m], from its samples there and the motor's motion so far; as it makes the speed
+    that is reported behind a `lag` [s]."""
     drive = drive_of(torques, motions)
-    return [torque_course(part, motion, drive) for part, motion in zip(torques, motions, strict=True)]
+    return [torque_course(part, motion, drive, lag) for part, motion in zip(torques, motions, strict=True)]
 
 
-def torque_course(part: Trace, motion: PPoly, drive: Drive) -> PPoly:
+def torque_course(part: Trace, motion: PPoly, drive: Drive, lag: float) -> PPoly:
     """The torque around one step: the drive's answer to the speed, and a spline of the difference to the samples."""
     fine, speed = lagging(motion, part.time, drive.lag)
     answer = -drive.gain * speed
     rest = CubicSpline(part.time, part.value - np.interp(part.time, fine, answer))
-    return CubicSpline(fine, answer + rest(fine))
+    return CubicSpline(fine, behind(answer + rest(fine), FINE, lag))
 
 
 def motor_balance(
@@ -217,9 +229,17 @@ class Echo:
         return position, v, a
 
 
-def echo(speed: Trace, load: Load, balance: Balance, share: float = 1.0, before: Echo | None = None) -> Echo:
+def echo(
+    speed: Trace,
+    load: Load,
+    balance: Balance,
+    share: float = 1.0,
+    before: Echo | None = None,
+    lag: float = 0.0,
+) -> Echo:
     """How a reconstructed motion changes with the force at a step's grid points, linear, since the spline through the
-    samples takes back what they contradict; `share` of it. An echo from `before` on the same times differs in size."""
+    samples takes back what they contradict; `share` of it, behind the drive's `lag` [s]. An echo from `before` on the
+    same times differs in size."""
     size, start = -share * balance.force, float(load[0][0])
     if before is not None and before.start == start:
         return replace(before, size=size)
@@ -230,7 +250,8 @@ def echo(speed: Trace, load: Load, balance: Balance, share: float = 1.0, before:
     for first in range(0, points, AT_ONCE):
         forces = slice(first, min(first + AT_ONCE, points))
         heard = slice(max(0, forces.start - reach), min(points, forces.stop + reach))
-        answer = unit_echoes(part, (time, np.eye(points)[:, forces]), time[heard])
+        unit = behind(np.eye(points)[:, forces], h, lag)
+        answer = unit_echoes(part, (time, unit), time[heard])
         parts.append((forces, heard, answer.astype(np.float32)))
     return Echo(start, h, points, size, tuple(parts))
 

@@ -10,13 +10,13 @@ from dataclasses import replace
 import numpy as np
 
 from service.backlash.moves import Moves
-from service.backlash.moves_begun import Values, expecting_its_own
+from service.backlash.moves_begun import Values, expecting_its_own, point_at
 from service.backlash.moves_fit import Fitted, Point, fit, reconstructed, values_at
 from service.dynamics.driven_model import LINKS
 from service.identification.held_out import DESCRIBED, NEAR, Explained, overdamped, trial_of
-from service.identification.moves_looks import ENDED
+from service.identification.moves_looks import ENDED, FROM_AFAR, alike
 from service.identification.moves_rests import KNOWN, how_known, swinging_on, swings_at_all
-from service.identification.moves_starts import ROUNDS, SUMMED, begun_at, chain, speeds_first
+from service.identification.moves_starts import ROUNDS, SUMMED, begun_at, chain, fewer, speeds_first
 from service.identification.scene import Scene
 from service.identification.selection import Trial
 
@@ -33,8 +33,8 @@ FEW_ROUNDS = 4
 """Rounds of a fit between two turns of a motion that a wrong chain may have made."""
 PUT_BACK = ("turnover_speed", "turnover_spread", "coulomb", "viscous", "damping_ratio", "smear")
 """Parameters that a wrong model drives into a corner from which a fit comes back slowly."""
-CORNERS = 2
-"""How often a fit that stands in a corner has its numbers put back."""
+CORNER = ("turnover_speed", "turnover_spread", "damping_ratio", "clock_offset", "smear")
+"""The same without the friction by which a load moves, with the tolerances of the channels last."""
 RIDGE = 0.995
 """RMS, over that of a fit, from which on another valley is a better one (chosen)."""
 OF_PINION = 1.0 / 3.0
@@ -64,6 +64,12 @@ def settled(found: Fitted, rounds: int) -> Fitted:
     if on.rms >= HOPELESS:
         return on
     return swung_in(as_damped(in_turns(out_of_corner(on, rounds))))
+
+
+def settled_anyhow(found: Fitted) -> Fitted:
+    """The fit of what may be missing, settled; one that stays far once more by the loads' speeds."""
+    on = settled(found, ROUNDS)
+    return on if on.rms < SOUND else min(on, settled(begun_by_speeds(on), ROUNDS), key=lambda f: f.rms)
 
 
 def out_of_corner(found: Fitted, rounds: int) -> Fitted:
@@ -116,10 +122,22 @@ def as_damped(found: Fitted) -> Fitted:
     damped = fit(found.moves, found.model, at, ROUNDS, free=free)
     if damped.rms < AS_WELL * found.rms:
         return fit(found.moves, found.model, damped.at, 0)
-    out = found
-    for _ in range(CORNERS):
-        out = over_the_ridge(put_back(out.moves, out, ROUNDS), SUMMED[0])
+    out = begun_by_speeds(found)
     return out if out.rms < AS_WELL * found.rms and not overdamped(out) else found
+
+
+def begun_by_speeds(found: Fitted) -> Fitted:
+    """The model of a fit fitted once more from the nearest of fits of a few moves by the loads' speeds, where every way
+    is quickly tried: with the numbers of a corner put back, and with the chain put back. One that is damped as no chain
+    is comes last."""
+    few, tried = fewer(found), []
+    for names in (CORNER, CORNER[-2:] + tuple(chain(found.model))):
+        values = {name: v for name, v in values_at(found).items() if not name.endswith(names)}
+        at = point_at(found.model, values, few)
+        tried += [speeds_first(few, found.model, at, lasting, FROM_AFAR) for lasting in SUMMED]
+    best = min(tried, key=lambda f: (bool(overdamped(f)), f.rms))
+    at = begun_at(found.moves, found.model, values_at(best), alike(found.moves, best))
+    return fit(found.moves, found.model, at, ROUNDS)
 
 
 def swung_in(found: Fitted) -> Fitted:

@@ -23,7 +23,7 @@ from service.backlash.moves_fit import (
 )
 from service.dynamics.driven_model import DrivenEffect, Model
 from service.identification.held_out import DESCRIBED, Explained, trial_of
-from service.identification.moves_end import HOPELESS, SOUND, ended, settled, with_own_errors
+from service.identification.moves_end import HOPELESS, SOUND, ended, settled, settled_anyhow, with_own_errors
 from service.identification.moves_looks import (
     ENDED,
     GLIMPSE,
@@ -202,7 +202,7 @@ def finished(scene: Scene, trials: Mapping[str, Trial[Explained]]) -> dict[str, 
     for name in sorted(finalists(trials), key=lambda name: swings_at_all(trials[name].model.fitted.model)):
         nearest = min((out[other].train_rms for other in done), default=np.inf)
         if nearest > ENDED or out[name].train_rms < BEHIND * nearest:
-            out[name] = trial_of(scene, settled(with_own_errors(out[name].model.fitted), ROUNDS))
+            out[name] = trial_of(scene, settled_anyhow(with_own_errors(out[name].model.fitted)))
             done.append(name)
     near = leading({name: distance(out[name]) for name in done if not out[name].at_limits}, FINALISTS)
     first = min(done, key=lambda name: distance(out[name]))

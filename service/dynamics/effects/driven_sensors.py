@@ -107,5 +107,5 @@ class DrivenSpeedFilter(DrivenEffect):
             out[:, :, :, x, :-1] += tau * c[:, :, :, x, 1:]
         return out
 
-    def lags(self, values: Mapping[str, float]) -> float:
-        return max(values[f"{axis}.filter_time"] for axis in self.axes)
+    def lag(self, values: Mapping[str, float], axis: str) -> float:
+        return values[f"{axis}.filter_time"]

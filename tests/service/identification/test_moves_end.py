@@ -88,7 +88,7 @@ def test_a_chain_in_a_corner_is_begun_anew_with_a_motion_of_its_own(
 def test_damping_that_no_chain_has_is_put_back_where_no_sample_tells_it(
     monkeypatch: Any, without: float, kept: str
 ) -> None:
-    """What tells it is a fit that comes no nearer without it, nor behind the ridges around its corner."""
+    """What tells it is a fit that comes no nearer without it, nor by the loads' speeds."""
     held: list[int] = []
 
     def refit(_moves: Any, _model: Any, _at: Any, rounds: int, free: Any = None) -> Any:
@@ -105,8 +105,7 @@ def test_damping_that_no_chain_has_is_put_back_where_no_sample_tells_it(
     monkeypatch.setattr(moves_end, "values_at", lambda _found: values)
     monkeypatch.setattr(moves_end, "begun_at", lambda _m, _n, at, *_: begun.append(at))
     monkeypatch.setattr(moves_end, "fit", refit)
-    monkeypatch.setattr(moves_end, "put_back", lambda _moves, found, _rounds: found)
-    monkeypatch.setattr(moves_end, "over_the_ridge", lambda found, _kept: found)
+    monkeypatch.setattr(moves_end, "begun_by_speeds", lambda found: found)
     damped = moves_end.as_damped(found)
     assert (damped is found) == (kept == "overdamped")
     assert begun == [{"X1.coulomb": 0.3}], "a value that is not given is the typical one"
@@ -139,25 +138,59 @@ def test_what_a_wrong_model_drove_away_is_put_back_and_where_it_is_far_the_chain
         assert settled.rms == (again if len(put_back) == 1 else 1.2)
 
 
-@pytest.mark.parametrize(("behind", "left"), [(1.0, True), (1.4, False)])
-def test_a_corner_is_left_over_two_ridges_if_what_lies_behind_is_as_near(
-    monkeypatch: Any, behind: float, left: bool
+@pytest.mark.parametrize(
+    ("behind", "damped", "left"), [(1.0, True, True), (1.4, True, False), (1.0, False, False)]
+)
+def test_a_corner_is_left_by_the_loads_speeds_if_what_lies_behind_is_as_near(
+    monkeypatch: Any, behind: float, damped: bool, left: bool
 ) -> None:
-    corner, first, second = stub(1.1), stub(1.8), stub(behind)
-    for one, name in ((corner, "X1.gear_damping_ratio"), (first, "X1.viscous"), (second, "X1.viscous")):
-        one.model, one.at = (
-            SimpleNamespace(parameters=[SimpleNamespace(name=name)]),
-            SimpleNamespace(local=()),
-        )
-    monkeypatch.setattr(
-        moves_end, "overdamped", lambda found: ("X1.gear_damping_ratio",) if found is corner else ()
-    )
+    corner, other = stub(1.1), stub(behind)
+    corner.model = SimpleNamespace(parameters=[SimpleNamespace(name="X1.gear_damping_ratio")])
+    odd = [corner] if damped else [corner, other]
+    monkeypatch.setattr(moves_end, "overdamped", lambda f: ("X1.gear_damping_ratio",) if f in odd else ())
     monkeypatch.setattr(moves_end, "values_at", lambda _found: {})
     monkeypatch.setattr(moves_end, "begun_at", lambda *_: None)
     monkeypatch.setattr(moves_end, "fit", lambda *_, **__: stub(2.0))
-    monkeypatch.setattr(moves_end, "put_back", lambda _moves, found, _rounds: found)
-    monkeypatch.setattr(moves_end, "over_the_ridge", lambda found, _k: first if found is corner else second)
-    assert moves_end.as_damped(corner) is (second if left else corner)
+    monkeypatch.setattr(moves_end, "begun_by_speeds", lambda _found: other)
+    assert moves_end.as_damped(corner) is (other if left else corner)
+
+
+@pytest.mark.parametrize(("first", "again", "reached"), [(1.9, 1.0, 1.9), (4.3, 1.3, 1.3), (4.3, 5.0, 4.3)])
+def test_what_stays_far_is_begun_by_its_loads_speeds(
+    monkeypatch: Any, first: float, again: float, reached: float
+) -> None:
+    """A planted body was found at its frequency beside a chain of nine loads' mass: 4.3, and 1.3 from there."""
+    monkeypatch.setattr(moves_end, "begun_by_speeds", lambda _found: stub(again, "anew"))
+    monkeypatch.setattr(moves_end, "settled", lambda f, _rounds: stub(again if f.name else first))
+    assert moves_end.settled_anyhow(stub(9.0)).rms == reached
+
+
+def test_a_few_moves_tell_by_the_speeds_which_numbers_to_put_back(monkeypatch: Any) -> None:
+    """Every way is tried on a few moves: the nearest is taken, but none that is damped as no chain is."""
+    values = {f"X1.{n}": 1.0 for n in ("coulomb", "gear_mass", "gear_damping_ratio", "clock_offset", "gain")}
+    ways: list[tuple[set[str], float]] = []
+    nearest = {0.05: 2.0, 0.01: 1.5}
+
+    def by_speeds(_few: Any, _model: Any, at: Any, lasting: float, _rounds: int) -> Any:
+        ways.append(({name.removeprefix("X1.") for name in at}, lasting))
+        chain_put_back = "X1.gear_mass" not in at
+        return stub(
+            nearest[lasting] - chain_put_back, "odd" if chain_put_back and lasting < 0.02 else "sound"
+        )
+
+    monkeypatch.setattr(moves_end, "fewer", lambda _found: ("few",))
+    monkeypatch.setattr(moves_end, "chain", lambda _model: {"gear_mass", "gear_damping_ratio"})
+    monkeypatch.setattr(moves_end, "values_at", lambda found: values if found.name == "corner" else found.rms)
+    monkeypatch.setattr(moves_end, "point_at", lambda _model, kept, _few: set(kept))
+    monkeypatch.setattr(moves_end, "speeds_first", by_speeds)
+    monkeypatch.setattr(moves_end, "overdamped", lambda f: ("ratio",) if f.name == "odd" else ())
+    monkeypatch.setattr(moves_end, "alike", lambda *_: ())
+    monkeypatch.setattr(moves_end, "begun_at", lambda _moves, _model, begun, _local: begun)
+    monkeypatch.setattr(moves_end, "fit", lambda moves, _model, at, _rounds: (moves, at))
+    every = ("every",)
+    assert moves_end.begun_by_speeds(stub(4.3, "corner")) == (every, 1.0)
+    kept = {"coulomb", "gear_mass", "gain"}
+    assert ways == [(k, lasting) for k in (kept, kept - {"gear_mass"}) for lasting in (0.05, 0.01)]
 
 
 @pytest.mark.parametrize(

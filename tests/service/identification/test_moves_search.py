@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from service.backlash.moves import moves_of
-from service.backlash.moves_fit import Point, fit, reconstructed, values_at
+from service.backlash.moves_fit import Point, fit, values_at
 from service.captures import read_capture
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_library import DRIVEN
@@ -51,7 +51,7 @@ def test_all_finalists_that_are_near_are_ended_before_one_is_chosen(monkeypatch:
     trials = {name: trial(name, *both) for name, both in errors.items()}
     monkeypatch.setattr(moves_search, "swings_at_all", lambda _model: False)
     monkeypatch.setattr(moves_search, "with_own_errors", lambda fitted: fitted)
-    monkeypatch.setattr(moves_search, "settled", lambda fitted, _rounds: fitted)
+    monkeypatch.setattr(moves_search, "settled_anyhow", lambda fitted: fitted)
     monkeypatch.setattr(moves_search, "trial_of", lambda _scene, fitted: trials[fitted.model])
     monkeypatch.setattr(moves_search, "to_the_end", lambda _scene, one: trial(one.name + " ended", 1.0, 1.0))
     done = moves_search.finished(cast(Any, None), cast(Any, trials))
@@ -339,25 +339,3 @@ def test_an_effect_begun_on_the_present_model_changes_nothing(shared_dir: Path) 
     for candidate in moves_starts.candidates(model, [DRIVEN["hung_mass_mode"], DRIVEN["sensor_gain"]], ()):
         begun = moves_starts.added(present, candidate, dict(candidate.effect.starts[0]))
         np.testing.assert_allclose(fit([few], candidate.model, begun, 0).r, alone.r, rtol=1e-6, atol=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("effects", "filter_time", "plain"),
-    [
-        (("speed_filter",), 2e-3, True),
-        (("speed_filter",), 0.0, False),
-        (("speed_filter", "sensor_latency"), 2e-3, False),
-    ],
-)
-def test_a_speed_that_a_filter_has_passed_gets_no_kinks(
-    shared_dir: Path, effects: tuple[str, ...], filter_time: float, plain: bool
-) -> None:
-    """The force's jumps make kinks in the motor's speed, and the filter takes them out before it is sampled."""
-    moves = moves_of(read_capture(shared_dir / "captures" / "none-train.parquet"), ("X1",))
-    model = Model(("X1",), 2, tuple(DRIVEN[name](("X1",)) for name in effects), held=("constant", "skew"))
-    shared = np.zeros(len(model.parameters))
-    at = [p.name for p in model.parameters].index("X1.filter_time")
-    shared[at] = float(model.parameters[at].internal(filter_time))
-    (after,) = reconstructed(fit([moves], model, Point(shared, (np.zeros((len(moves.grids), 2)),)), 0))
-    assert (not after.echoes) == plain
-    assert all((motion == moves.plain) == plain for motion in after.motion)

@@ -45,6 +45,16 @@ def test_a_delay_sharpens_nothing(moves: Moves) -> None:
     assert with_own_errors(found) is found
 
 
+def test_a_filter_lags_by_its_time_and_beside_a_latency_by_none() -> None:
+    """Of both together nothing tells which is which, and the force's jumps would be smoothed by a number at random."""
+    values = {"X1.filter_time": 1e-3, "Y1.filter_time": 2e-3, "X1.latency": 1e-3, "Y1.latency": 0.0}
+    axes = ("X1", "Y1")
+    of_filter, of_latency = DrivenSpeedFilter(axes), DrivenLatency(axes)
+    assert Model(axes, 1, (of_filter,)).lags(values) == (1e-3, 2e-3)
+    assert Model(axes, 1, (of_latency,)).lags(values) == (0.0, 0.0)
+    assert Model(axes, 1, (of_latency, of_filter)).lags(values) == (0.0, 0.0)
+
+
 def test_models_are_compared_by_what_was_expected_before(moves: Moves) -> None:
     """Else one that expects to miss everything would explain everything."""
     found = fitted(moves, DrivenSpeedFilter(("X1",)), filter_time=4e-3)
