@@ -22,7 +22,16 @@ from service.identification.explanation import (
 from service.identification.given_effects import LEFT
 from service.identification.held_out import SEARCHED, SEEN_AT_REST, Explained, Held, rms
 from service.identification.scene import Scene
-from service.identification.selection import Selection, Trial, distance, explained, gone, left, shown
+from service.identification.selection import (
+    UNKNOWN_NUMBERS,
+    Selection,
+    Trial,
+    distance,
+    explained,
+    gone,
+    left,
+    shown,
+)
 from service.recording import FloatArray
 
 LEFT_BY_CLEAN = 1.25
@@ -144,6 +153,7 @@ def finding_of(
         clearly = explained(before, after, CLEARLY) and gone(before.train_rms, after.train_rms, CLEARLY)
         whole = len(effects) == 1 and clearly and (seen or after.validation_rms <= LEFT_BY_CLEAN)
         clear = effects == seen_at_rest or (uncommon and whole and not _common_comes_as_near(selection))
+        clear = clear or (alone and _nothing_else_explains(selection))
         if _little(before) and not (alone and seen) and not clear:
             return nothing, ()
         everything = before.validation_rms > CHANGED and shown(after) <= LEFT_BY_CLEAN
@@ -192,6 +202,17 @@ def _common_comes_as_near(selection: Selection[Explained]) -> bool:
     near = (trial for trial in selection.tried if distance(trial) <= distance(selection.after))
     names = ((trial, trial.model.fitted.model.effects[-1].name) for trial in near)
     return any(_common(replace(selection, effects=(name,), after=trial)) for trial, name in names)
+
+
+def _nothing_else_explains(selection: Selection[Explained]) -> bool:
+    """Whether one effect that is in no sound machine predicts all that is missing in the held-out moves, and nothing
+    else that was tried a part of it: impurities are explained in part by much."""
+    before, after, effects = selection.before, selection.after, selection.effects
+    others = [t for t in selection.tried if t.model.fitted.model.effects[-1].name not in effects]
+    whole = max(after.train_rms, after.validation_rms) <= LEFT_BY_CLEAN and explained(before, after, WHOLLY)
+    if _common(selection) or not whole or before.validation_rms <= UNKNOWN_NUMBERS:
+        return False
+    return bool(others) and not any(explained(before, other, PART) for other in others)
 
 
 def _matters(selection: Selection[Explained]) -> bool:

@@ -106,6 +106,30 @@ def test_an_effect_that_shows_at_another_speed_only_is_a_finding_if_it_explains_
     assert axis_verdict.finding_of(selection)[0] == found
 
 
+@pytest.mark.parametrize(
+    ("held_out", "left", "other", "name", "found"),
+    [
+        (1.8, 0.99, 1.6, "curved_friction", "effect"),
+        (1.8, 0.99, 1.4, "curved_friction", "none"),
+        (1.8, 1.15, 1.6, "curved_friction", "none"),
+        (1.25, 0.99, 1.24, "curved_friction", "none"),
+        (1.8, 0.99, 1.6, "transmission_ripple", "none"),
+    ],
+)
+def test_what_shows_at_another_speed_only_is_a_finding_if_nothing_else_explains_a_part_of_it(
+    monkeypatch: pytest.MonkeyPatch, held_out: float, left: float, other: float, name: str, found: str
+) -> None:
+    """A planted curve left 1.03 in the train moves and 1.79 in the others; ripples and cogging, which leave as much,
+    are explained by half or more by two or three effects."""
+    monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: (50e-6, 1e-7))
+    monkeypatch.setattr(axis_verdict, "deviations", numbers)
+    tried = (trial(1.0, left), trial(1.02, other))
+    for one, of in zip(tried, (name, "stribeck_friction"), strict=True):
+        one.model.fitted.model.effects = (SimpleNamespace(name=of),)
+    selection = Selection(trial(1.02, held_out), tried[0], (name,), (), (), tried)
+    assert axis_verdict.finding_of(selection)[0] == found
+
+
 @pytest.mark.parametrize(("seen", "found"), [(("sensor_bias",), "effect"), ((), "none")])
 def test_what_was_seen_at_rest_is_named_however_little_it_changes_the_backlash(
     monkeypatch: pytest.MonkeyPatch, seen: tuple[str, ...], found: str
