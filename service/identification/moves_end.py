@@ -47,7 +47,7 @@ HOPELESS = NEAR
 CORNERED = 4.5
 """Standard deviations of its prior beyond which no mass and no spring of a chain is."""
 AS_WELL = 1.1
-"""How much farther from the moves a fit with a sound damping may be (chosen)."""
+"""How much farther from the moves a fit with a sound damping may be, or one that is begun elsewhere (chosen)."""
 WORSE = 1.02
 """How much farther from the moves a fit may be that takes from the rests what swings."""
 
@@ -69,7 +69,8 @@ def settled(found: Fitted, rounds: int) -> Fitted:
 def settled_anyhow(found: Fitted) -> Fitted:
     """The fit of what may be missing, settled; one that stays far once more by the loads' speeds."""
     on = settled(found, ROUNDS)
-    return on if on.rms < SOUND else min(on, settled(begun_by_speeds(on), ROUNDS), key=lambda f: f.rms)
+    other = begun_by_speeds(on) if on.rms >= SOUND else on
+    return min(on, settled(other, ROUNDS), key=lambda f: f.rms) if other.rms < on.rms else on
 
 
 def out_of_corner(found: Fitted, rounds: int) -> Fitted:
@@ -129,13 +130,15 @@ def as_damped(found: Fitted) -> Fitted:
 def begun_by_speeds(found: Fitted) -> Fitted:
     """The model of a fit fitted once more from the nearest of fits of a few moves by the loads' speeds, where every way
     is quickly tried: with the numbers of a corner put back, and with the chain put back. One that is damped as no chain
-    is comes last."""
+    is comes last; where none is about as near as the fit, it stays."""
     few, tried = fewer(found), []
     for names in (CORNER, CORNER[-2:] + tuple(chain(found.model))):
         values = {name: v for name, v in values_at(found).items() if not name.endswith(names)}
         at = point_at(found.model, values, few)
         tried += [speeds_first(few, found.model, at, lasting, FROM_AFAR) for lasting in SUMMED]
     best = min(tried, key=lambda f: (bool(overdamped(f)), f.rms))
+    if best.rms > AS_WELL * found.rms:
+        return found
     at = begun_at(found.moves, found.model, values_at(best), alike(found.moves, best))
     return fit(found.moves, found.model, at, ROUNDS)
 

@@ -155,13 +155,13 @@ def test_a_corner_is_left_by_the_loads_speeds_if_what_lies_behind_is_as_near(
     assert moves_end.as_damped(corner) is (other if left else corner)
 
 
-@pytest.mark.parametrize(("first", "again", "reached"), [(1.9, 1.0, 1.9), (4.3, 1.3, 1.3), (4.3, 5.0, 4.3)])
+@pytest.mark.parametrize(("first", "again", "reached"), [(1.9, 1.0, 1.9), (4.3, 2.0, 1.8), (4.3, 4.4, 4.3)])
 def test_what_stays_far_is_begun_by_its_loads_speeds(
     monkeypatch: Any, first: float, again: float, reached: float
 ) -> None:
     """A planted body was found at its frequency beside a chain of nine loads' mass: 4.3, and 1.3 from there."""
     monkeypatch.setattr(moves_end, "begun_by_speeds", lambda _found: stub(again, "anew"))
-    monkeypatch.setattr(moves_end, "settled", lambda f, _rounds: stub(again if f.name else first))
+    monkeypatch.setattr(moves_end, "settled", lambda f, _rounds: stub(0.9 * again if f.name else first))
     assert moves_end.settled_anyhow(stub(9.0)).rms == reached
 
 
@@ -188,7 +188,10 @@ def test_a_few_moves_tell_by_the_speeds_which_numbers_to_put_back(monkeypatch: A
     monkeypatch.setattr(moves_end, "begun_at", lambda _moves, _model, begun, _local: begun)
     monkeypatch.setattr(moves_end, "fit", lambda moves, _model, at, _rounds: (moves, at))
     every = ("every",)
-    assert moves_end.begun_by_speeds(stub(4.3, "corner")) == (every, 1.0)
+    assert moves_end.begun_by_speeds(stub(1.0, "corner")) == (every, 1.0)
+    near = stub(0.8, "corner")
+    assert moves_end.begun_by_speeds(near) is near, "none of them is about as near"
+    del ways[4:]
     kept = {"coulomb", "gear_mass", "gain"}
     assert ways == [(k, lasting) for k in (kept, kept - {"gear_mass"}) for lasting in (0.05, 0.01)]
 
