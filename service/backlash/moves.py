@@ -370,9 +370,9 @@ def with_reconstructed_motion(
 
     With `follow` that motion goes on following the force.
     """
-    values = model.complete(free_values(model, shared[None]))
+    free = free_values(model, shared[None])
+    values, lags = model.complete(free), model.lags({name: float(value[0]) for name, value in free.items()})
     kept = 0.0 if moves.reference is None else KEPT
-    lags = model.lags({name: float(value[0]) for name, value in free_values(model, shared[None]).items()})
     motions, echoes = [], []
     for x, axis in enumerate(moves.axes):
         skew = float(values[f"{axis}.skew"][0])

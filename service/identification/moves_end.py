@@ -33,8 +33,10 @@ FEW_ROUNDS = 4
 """Rounds of a fit between two turns of a motion that a wrong chain may have made."""
 PUT_BACK = ("turnover_speed", "turnover_spread", "coulomb", "viscous", "damping_ratio", "smear")
 """Parameters that a wrong model drives into a corner from which a fit comes back slowly."""
-CORNER = ("turnover_speed", "turnover_spread", "damping_ratio", "clock_offset", "smear")
-"""The same without the friction by which a load moves, with the tolerances of the channels last."""
+TOLERANCES = ("clock_offset", "smear")
+"""What every chain of measurement does to an impact."""
+CORNER = ("turnover_speed", "turnover_spread", "damping_ratio", *TOLERANCES)
+"""The same without the guide's friction, which is kept, and with both tolerances."""
 RIDGE = 0.995
 """RMS, over that of a fit, from which on another valley is a better one (chosen)."""
 OF_PINION = 1.0 / 3.0
@@ -132,7 +134,7 @@ def begun_by_speeds(found: Fitted) -> Fitted:
     is quickly tried: with the numbers of a corner put back, and with the chain put back. One that is damped as no chain
     is comes last; where none is about as near as the fit, it stays."""
     few, tried = fewer(found), []
-    for names in (CORNER, CORNER[-2:] + tuple(chain(found.model))):
+    for names in (CORNER, (*TOLERANCES, *chain(found.model))):
         values = {name: v for name, v in values_at(found).items() if not name.endswith(names)}
         at = point_at(found.model, values, few)
         tried += [speeds_first(few, found.model, at, lasting, FROM_AFAR) for lasting in SUMMED]
