@@ -15,6 +15,7 @@ from service.backlash.model_fit import METHOD, model_fit_axes
 from service.backlash.pairing import swapped
 from service.backlash.paper import paper
 from service.backlash.results import OF_THE_METHOD, AxisResult, Reason, Refusal
+from service.dynamics.compiling import compiled_apart
 from service.recording import Recording
 
 
@@ -25,6 +26,7 @@ def immediate(recording: Recording) -> tuple[AxisResult, ...]:
 
 def refined(recording: Recording) -> tuple[AxisResult, ...]:
     """Backlash of every axis by the model fit, both axes of a gantry together; a value or a named refusal."""
+    compiled_apart()
     return at_each_place(recording, _refined)
 
 

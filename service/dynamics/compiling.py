@@ -1,4 +1,6 @@
-"""The machine code made once, by a process of its own: the compiler keeps a hundred megabytes that it never gives back.
+"""The machine code made once, by a process of its own: the compiler keeps a hundred megabytes that it never gives back,
+and in the process that compiles, functions call each other in another way than where their code is read: sums would be
+rounded otherwise in a first analysis than in all later ones.
 
 ``python -m service.dynamics.compiling`` makes it where it is not there yet, after an installation for example.
 """

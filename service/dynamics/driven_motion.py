@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PPoly
 
-from service.dynamics.compiled import lean
+from service.dynamics.compiled import lean, within
 from service.recording import FloatArray, Trace
 
 
@@ -141,7 +141,7 @@ def add_error(c: FloatArray, axis: int, powers: FloatArray, origin: float, scale
             add_error_to_step(c[s, t, :, axis], powers[s], origin, scale, h)
 
 
-@lean
+@within
 def add_error_to_step(c: FloatArray, powers: FloatArray, origin: float, scale: float, h: float) -> None:
     """`add_error` for one step's motion c (K, 5)."""
     K = len(c)

@@ -62,7 +62,9 @@ def test_the_fit_asks_the_machine_once_which_sensor_sits_where(
     monkeypatch.setattr(estimate, "swapped", ask)
     monkeypatch.setattr(estimate, "model_fit_axes", fitted)
     monkeypatch.setattr(estimate, "at_each_place", lambda recording, method: method(recording))
+    monkeypatch.setattr(estimate, "compiled_apart", lambda: asked.append(("made", "first")))
     results = estimate.refined(gantry)
+    assert asked.pop(0) == ("made", "first"), "the machine code, by a process of its own"
     assert asked == [("X1", "X2")]
     assert [r.axis for r in results] == ["X1", "X2"]
     assert {r.reason for r in results} == {Reason.SENSORS_SWAPPED if exchanged else None}

@@ -18,16 +18,33 @@ compiling.compiled_apart()
 print(before, compiling.is_kept(compiling.propagate), len(compiling.propagate.signatures))
 """
 
+BENDS = """
+import numpy as np
+from service.dynamics.driven_motion import add_error
+c = np.sin(np.arange(2000.0)).reshape(2, 2, 100, 1, 5)
+add_error(c, 0, np.cos(np.arange(8.0)).reshape(2, 4), 0.3, 1.7, 1e-3)
+print(c.tobytes().hex())
+"""
 
-def test_another_process_keeps_the_code_where_this_one_finds_it(tmp_path: Path) -> None:
-    said = subprocess.run(
-        [sys.executable, "-c", SAYS],
-        env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
+
+def said_by(script: str, cache: Path) -> str:
+    """What a process prints that keeps its machine code there."""
+    return subprocess.run(
+        [sys.executable, "-c", script],
+        env={**os.environ, "NUMBA_CACHE_DIR": str(cache)},
         capture_output=True,
         text=True,
         check=True,
-    )
-    assert said.stdout.split() == ["False", "True", "0"], "kept now, and nothing was compiled here"
+    ).stdout
+
+
+def test_another_process_keeps_the_code_where_this_one_finds_it(tmp_path: Path) -> None:
+    said = said_by(SAYS, tmp_path)
+    assert said.split() == ["False", "True", "0"], "kept now, and nothing was compiled here"
+
+
+def test_what_the_compiling_process_computes_is_what_later_ones_do(tmp_path: Path) -> None:
+    assert said_by(BENDS, tmp_path) == said_by(BENDS, tmp_path), "to the last bit"
 
 
 @pytest.mark.parametrize("kept", [True, None])
