@@ -16,7 +16,15 @@ from service.dynamics.driven_model import LINKS
 from service.identification.held_out import DESCRIBED, NEAR, Explained, overdamped, trial_of
 from service.identification.moves_looks import ENDED, FROM_AFAR, alike
 from service.identification.moves_rests import KNOWN, how_known, swinging_on, swings_at_all
-from service.identification.moves_starts import ROUNDS, SUMMED, begun_at, chain, fewer, speeds_first
+from service.identification.moves_starts import (
+    ROUNDS,
+    SUMMED,
+    TOLERANCES,
+    begun_at,
+    chain,
+    fewer,
+    speeds_first,
+)
 from service.identification.scene import Scene
 from service.identification.selection import Trial
 
@@ -33,8 +41,6 @@ FEW_ROUNDS = 4
 """Rounds of a fit between two turns of a motion that a wrong chain may have made."""
 PUT_BACK = ("turnover_speed", "turnover_spread", "coulomb", "viscous", "damping_ratio", "smear")
 """Parameters that a wrong model drives into a corner from which a fit comes back slowly."""
-TOLERANCES = ("clock_offset", "smear")
-"""What every chain of measurement does to an impact."""
 CORNER = ("turnover_speed", "turnover_spread", "damping_ratio", *TOLERANCES)
 """The same without the guide's friction, which is kept, and with both tolerances."""
 RIDGE = 0.995

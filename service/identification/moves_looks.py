@@ -14,7 +14,7 @@ import numpy as np
 from service.backlash.moves import Moves
 from service.backlash.moves_begun import Values, point_at
 from service.backlash.moves_fit import Fitted, costs_of_moves, fit, values_at
-from service.dynamics.driven_model import LINKS, Model
+from service.dynamics.driven_model import Model
 from service.identification.held_out import DESCRIBED, NEAR
 from service.identification.moves_starts import (
     BRIEF,
@@ -29,6 +29,7 @@ from service.identification.moves_starts import (
     on_a_few_moves,
     on_typical_machine,
     placed,
+    softer_contact,
     speeds_first,
     strong_either_way,
 )
@@ -178,17 +179,6 @@ def best_looks(looks: Sequence[Fitted], found: Fitted, candidate: Candidate) -> 
         brief.append(fit(best.moves, candidate.model, point_at(candidate.model, other, best.moves), BRIEF))
     kept = VALLEYS if candidate.effect.many_valleys else 2
     return [noted(one, found.moves) for one in best_of_each_shape(brief, candidate)[:kept]]
-
-
-def softer_contact(values: Values, model: Model) -> Values | None:
-    """The values with shaft and contact exchanged where the contact is the stiffer one: beside a light pinion a linear
-    model cannot tell them apart, and what bends or parts is the contact."""
-    link, out = LINKS[model.lumps][-1], dict(values)
-    for axis in model.axes:
-        shaft, contact = f"{axis}.{link}_stiffness", f"{axis}.contact_stiffness"
-        if values[contact] > values[shaft]:
-            out |= {shaft: values[contact], contact: values[shaft]}
-    return None if out == dict(values) else out
 
 
 def glanced(fits: Sequence[Fitted], found: Fitted) -> list[Brief]:

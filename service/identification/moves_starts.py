@@ -35,6 +35,8 @@ FEW, BRIEF = 4, 5
 TOO_MUCH = 4.0
 """RMS of the present model from which on an effect whose fits have many valleys is not searched for: more is missing
 than a split gap."""
+TOLERANCES = ("clock_offset", "smear")
+"""What every chain of measurement does to an impact."""
 GUIDE = ("coulomb", "viscous")
 """A guide's friction, which a missing gap hardly drives away."""
 RUBBED = (-1.0, 0.0, 1.0, 2.0)
@@ -201,9 +203,10 @@ def as_heard(scene: Scene, candidate: Candidate) -> Values:
 
 
 def everywhere(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:
-    """All shapes at the present fit; there and at the estimator's with the chain between motor and flanks put back,
-    since what was not in the model may have gone into its masses and springs; and on a typical machine with the present
-    friction. None where more is missing than the effect can do."""
+    """All shapes at the present fit; there with shaft and contact exchanged, if the contact is the stiffer one, and
+    without what smears the impacts of two gaps into one; there and at the estimator's with the chain between motor and
+    flanks put back, since what was not in the model may have gone into its masses and springs; and on a typical machine
+    with the present friction. None where more is missing than the effect can do."""
     present, effect = values_at(found), candidate.effect
     if found.rms > TOO_MUCH:
         return []
@@ -211,9 +214,22 @@ def everywhere(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values
         p.name for p in candidate.model.parameters if p.name.rpartition(".")[2] not in chain(candidate.model)
     }
     places: list[Values] = [present]
+    if exchanged := softer_contact(present, candidate.model):
+        places.append({k: v for k, v in exchanged.items() if not k.endswith(TOLERANCES)})
     places += [{k: v for k, v in place.items() if k in kept} for place in (present, scene.rich)]
     places.append({k: v for k, v in present.items() if k.endswith(("backlash", *GUIDE))})
     return [dict(effect.traded({**place, **start})) for place in places for start in effect.starts]
+
+
+def softer_contact(values: Values, model: Model) -> Values | None:
+    """The values with shaft and contact exchanged where the contact is the stiffer one: beside a light pinion a linear
+    model cannot tell them apart, and what bends or parts is the contact."""
+    link, out = LINKS[model.lumps][-1], dict(values)
+    for axis in model.axes:
+        shaft, contact = f"{axis}.{link}_stiffness", f"{axis}.contact_stiffness"
+        if values[contact] > values[shaft]:
+            out |= {shaft: values[contact], contact: values[shaft]}
+    return None if out == dict(values) else out
 
 
 def chain(model: Model) -> set[str]:

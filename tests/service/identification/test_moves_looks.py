@@ -11,7 +11,8 @@ import pytest
 
 from service.dynamics.driven_model import Model
 from service.identification import moves_looks
-from service.identification.moves_looks import alike, softer_contact
+from service.identification.moves_looks import alike
+from service.identification.moves_starts import softer_contact
 
 
 def stub(rms: float, name: str = "") -> Any:

@@ -235,6 +235,7 @@ def test_an_effect_is_begun_again_where_one_ended_that_contains_it(monkeypatch: 
 
 def test_how_two_gaps_divide_their_sum_is_tried_everywhere(monkeypatch: Any) -> None:
     place = {"X1.backlash": 60e-6, "X1.coulomb": 0.3, "X1.drive_mass": 0.9, "X1.contact_damping_ratio": 0.5}
+    place |= {"X1.drive_stiffness": 7e5, "X1.contact_stiffness": 4e5, "X1.smear": 2e-4}
     scene = cast(Any, SimpleNamespace(rich=place | {"X1.backlash": 50e-6}))
     model = Model(("X1",), 1)
     candidate = moves_starts.candidates(model, (DRIVEN["gearbox_clearance"],), ())[0]
@@ -248,6 +249,10 @@ def test_how_two_gaps_divide_their_sum_is_tried_everywhere(monkeypatch: Any) -> 
     assert all(b["X1.drive_mass"] == 0.9 for b in begun[:6]), "the chain as it is now"
     assert not any("X1.drive_mass" in b or "X1.contact_damping_ratio" in b for b in begun[6:]), "put back"
     assert not moves_starts.everywhere(scene, stub(9.0), candidate), "more is missing than a split gap"
+    place |= {"X1.contact_stiffness": 2e6}
+    stiffer = moves_starts.everywhere(scene, stub(1.6), candidate)[6:12]
+    assert all(b["X1.contact_stiffness"] == 7e5 and b["X1.drive_stiffness"] == 2e6 for b in stiffer)
+    assert all("X1.smear" not in b and b["X1.drive_mass"] == 0.9 for b in stiffer), "two impacts, not one"
 
 
 @pytest.mark.parametrize(
