@@ -98,7 +98,9 @@ class Explained:
 
 
 def rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.nanmean(values**2)))
+    """Of what is there; NaN where nothing is."""
+    there = ~np.isnan(values)
+    return float(np.sqrt(np.mean(values**2, where=there))) if there.any() else np.nan
 
 
 def held_out(validate: Moves, found: Fitted, thorough: bool = True) -> Held:

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from service.backlash.expected_errors import WAYS, expected_errors, speed_errors, wander_of
 from service.backlash.moves import (
-    REST_SPREAD,
     Moves,
     early_part,
     moves_of,
@@ -21,7 +18,6 @@ from service.backlash.moves import (
     sample_noise,
     sensor_zero,
 )
-from service.backlash.moves_begun import point_at
 from service.backlash.moves_fit import (
     Fitted,
     Point,
@@ -36,52 +32,17 @@ from service.backlash.moves_fit import (
     rests_found,
     settle_locally,
     stopped,
-    values_at,
     within,
 )
 from service.backlash.signals import summed
-from service.captures import read_capture
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_library import DRIVEN
-from service.dynamics.effects.driven_sensors import DrivenBias
-from service.dynamics.effects.driven_transmission import (
-    DrivenBentContact,
-    DrivenClearance,
-    DrivenLocalBacklash,
-)
-from service.identification.axis_numbers import backlash_of, clearance_beside, unseen_depth
-from service.identification.held_out import IN_THE_GAP, TURNS, held_out, rms, told_by_train
+from service.identification.held_out import told_by_train
 from service.identification.moves_end import SUMMED, over_the_ridge, steady
 from service.identification.moves_starts import ROUNDS
-from service.identification.scene import ChannelTolerance, as_effects, estimator_alone, smeared
-from service.recording import FloatArray, Recording, Trace
-
-
-@pytest.fixture(scope="module")
-def captures(request: pytest.FixtureRequest) -> tuple[Recording, Recording]:
-    shared: Path = request.getfixturevalue("shared_dir")
-    train, validate = (read_capture(shared / "captures" / f"none-{p}.parquet") for p in ("train", "validate"))
-    return train, validate
-
-
-@pytest.fixture(scope="module")
-def found(captures: tuple[Recording, Recording]) -> Fitted:
-    """The declared model at the estimator's values, only briefly fitted."""
-    train = captures[0]
-    model = Model(("X1",), 2, (ChannelTolerance(("X1",)),), "whole_move", ("constant", "skew"), bridge=False)
-    moves = [moves_of(train, ("X1",))]
-    place = as_effects(estimator_alone(train, "X1"), ("X1",))
-    return fit(moves, model, point_at(model, place, moves), 4)
-
-
-def altered(recording: Recording, from_share: float) -> Recording:
-    """The recording with nonsense in the acceleration of every move from a share of it on."""
-    trace = recording.traces["X1", "acceleration"]
-    value = trace.value.copy()
-    for move in recording.moves:
-        late = (trace.time > move.start + from_share * move.duration) & (trace.time <= move.end)
-        value[late] = 3.0
-    return replace(recording, traces={**recording.traces, ("X1", "acceleration"): Trace(trace.time, value)})
+from service.identification.scene import smeared
+from service.recording import Recording, Trace
+from tests.service.identification.with_a_clearance import with_a_clearance
 
 
 def test_residuals_of_speed_fade_by_their_share_and_stay_white_ones_of_one() -> None:
@@ -107,14 +68,6 @@ def test_a_contact_that_is_met_in_another_swing_is_found_by_the_speeds(found: Fi
         over = over_the_ridge(over, lasting)
     assert over.rms < 1.05 * right.rms
     assert over.rms < other.rms
-
-
-def test_a_prediction_does_not_see_the_acceleration_that_it_predicts(
-    captures: tuple[Recording, Recording], found: Fitted
-) -> None:
-    honest = held_out(moves_of(captures[1], ("X1",)), found)
-    blind = held_out(moves_of(altered(captures[1], 0.46), ("X1",)), found)
-    np.testing.assert_allclose(blind.predicted, honest.predicted, rtol=0.0, atol=1e-9)
 
 
 def test_a_noisier_drive_makes_larger_errors_expected(
@@ -252,30 +205,6 @@ def test_a_sensors_zero_is_found_beside_a_machine_that_swings_in_the_rests(
     assert sensor_zero(Trace(time, resting), train, 0.03) == pytest.approx(0.07, abs=0.001)
 
 
-def test_a_prediction_is_doubted_by_as_much_as_numbers_within_their_spread_change_it(
-    captures: tuple[Recording, Recording], found: Fitted
-) -> None:
-    validate, rng = moves_of(captures[1], ("X1",)), np.random.default_rng(2)
-    held = held_out(validate, found, thorough=False)
-    known = np.linalg.cholesky(told_by_train(found) + 1e-12 * np.eye(len(found.at.shared)))
-    others = []
-    for _ in range(16):
-        shared = found.at.shared + known @ rng.standard_normal(len(found.at.shared))
-        other = replace(found, at=replace(found.at, shared=shared))
-        others.append(held_out(validate, other, thorough=False).predicted - held.predicted)
-    spread = np.sqrt(np.mean(np.square(others), axis=0)) / validate.noise[:, None] / validate.expected
-    late = validate.used & ~early_part_mask(validate)
-    expected = np.sqrt(np.mean(held.doubted[late] ** 2))
-    assert np.sqrt(np.mean(spread[late] ** 2)) == pytest.approx(expected, rel=0.5)
-
-
-def early_part_mask(moves: Moves) -> FloatArray:
-    mask = np.zeros(moves.used.shape, dtype=bool)
-    early = early_part(moves, 0.45).used
-    mask[..., : early.shape[-1]] = early
-    return mask
-
-
 def test_smearing_keeps_area_and_place_and_has_its_spread() -> None:
     pulse = np.zeros((1, 1, 101))
     pulse[..., 50] = 1.0
@@ -338,14 +267,6 @@ def test_the_early_part_is_early(captures: tuple[Recording, Recording]) -> None:
         assert grid.time[1:][grid.used[0]].max() <= move.start + 0.45 * move.duration
 
 
-def with_a_clearance(found: Fitted, clearance: float) -> tuple[Model, Point]:
-    """The model with a part of its backlash as a second gap in series."""
-    model = replace(found.model, effects=(*found.model.effects, DrivenClearance(("X1",))))
-    whole = found.value("X1.backlash")
-    values = values_at(found) | {"X1.clearance": clearance, "X1.backlash": whole - clearance}
-    return model, point_at(model, values, found.moves)
-
-
 def test_a_pinion_that_rested_at_the_far_side_of_its_gap_is_found_there(found: Fitted) -> None:
     clearance = 0.6 * found.value("X1.backlash")
     model, at = with_a_clearance(found, clearance)
@@ -359,94 +280,3 @@ def test_a_pinion_that_rested_at_the_far_side_of_its_gap_is_found_there(found: F
     )
     again = rests_found([made], model, Point(at.shared, (np.zeros_like(own),))).local[0]
     assert np.mean(again[:, 2] == own[0, 2]) >= 0.8
-
-
-def test_a_held_out_move_that_is_begun_behind_the_wrong_flank_finds_where_its_load_lay(
-    captures: tuple[Recording, Recording], found: Fitted, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """So it does beside a sensor's zero that is found again, which else makes up for the wrong place."""
-    beyond = -0.2 * found.value("X1.backlash") / REST_SPREAD[0]
-
-    def misplaced(moves: Sequence[Moves], model: Model, at: Point, among: Sequence[float] = ()) -> Point:
-        if among == (IN_THE_GAP,):
-            return rests_found(moves, model, at, among)
-        local = [own.copy() for own in at.local]
-        for part, own in zip(moves, local, strict=True):
-            own[:, 0] = part.s * beyond
-        return Point(at.shared, tuple(local))
-
-    model = replace(found.model, effects=(*found.model.effects, DrivenBias(("X1",))))
-    at = Point(
-        np.append(found.at.shared, 0.0), tuple(np.pad(own, ((0, 0), (0, 1))) for own in found.at.local)
-    )
-    wandering = fit(found.moves, model, at, 2)
-    validate = moves_of(captures[1], ("X1",))
-    right = rms(held_out(validate, wandering, thorough=False).weighed)
-    monkeypatch.setattr("service.identification.held_out.rests_found", misplaced)
-    assert rms(held_out(validate, wandering, thorough=False).weighed) == pytest.approx(right, rel=0.01)
-
-
-def test_how_two_gaps_divide_their_sum_is_in_the_interval_of_the_backlash(found: Fitted) -> None:
-    whole = found.value("X1.backlash")
-    model, at = with_a_clearance(found, 0.4 * whole)
-    both = fit(found.moves, model, at, 0)
-    b, std = backlash_of(both, 0)
-    assert b == pytest.approx(0.6 * whole)
-    assert clearance_beside(both, 0) == pytest.approx(whole)
-    assert clearance_beside(found, 0) == 0.0
-    assert std > 0.25 * whole > 10.0 * backlash_of(found, 0)[1]
-
-
-def test_where_a_bent_flank_begins_to_push_is_in_the_interval_of_the_backlash(found: Fitted) -> None:
-    """What lies below the noise no sample shows; a straight flank begins where its line does."""
-    model = replace(found.model, effects=(*found.model.effects, DrivenBentContact(("X1",))))
-    k, bend, push = 6e4, 0.6, 4.0
-    values = values_at(found) | {"X1.bend": bend, "X1.contact_stiffness": k}
-    bent = fit(found.moves, model, point_at(model, values, found.moves), 0)
-    depth = unseen_depth(bent, 0) / bend
-    assert k * depth * (depth / (push / k)) ** bend == pytest.approx(found.moves[0].noise[0])
-    assert backlash_of(bent, 0)[1] > 0.5 * bend * depth
-    assert unseen_depth(found, 0) == 0.0
-
-
-def test_a_gap_that_changes_along_the_rack_is_said_where_the_moves_cross_it(found: Fitted) -> None:
-    """Its width where the recording began, and what a wave of 9 mm adds up to at 0.6 of every move."""
-    model = replace(found.model, effects=(*found.model.effects, DrivenLocalBacklash(("X1",))))
-    planted = {"X1.gap_slope": 0.01, "X1.gap_bow": -4.0, "X1.gap_period": 9e-3}
-    at = point_at(model, values_at(found) | planted, found.moves)
-    (part,), kappa = found.moves, 2 * np.pi / 9e-3
-    steps = [part.recording.moves[grid.index] for grid in part.grids]
-    places = np.array([float(part.plain[0](step.start + 0.6 * step.duration)) for step in steps])
-    size, phase = np.hypot(0.01 / kappa, 4.0 / kappa**2), np.arctan2(4.0, 0.01 * kappa)
-    wider = float(np.mean(size * (np.sin(kappa * places + phase) - np.sin(phase))))
-    assert abs(wider) > 1e-6
-    b, std = backlash_of(fit(found.moves, model, at, 0), 0)
-    assert b == pytest.approx(found.value("X1.backlash") + wider, abs=1e-10)
-    assert std > backlash_of(found, 0)[1], "the wave is not known exactly, either"
-
-
-@pytest.mark.parametrize(("friction", "agreed"), [(1.0, True), (9.0, False)])
-def test_the_motion_in_held_out_moves_follows_the_force_until_both_agree(
-    captures: tuple[Recording, Recording],
-    found: Fitted,
-    monkeypatch: pytest.MonkeyPatch,
-    friction: float,
-    agreed: bool,
-) -> None:
-    """Not for a model that is far from their first part: it is not the right one."""
-    shared = found.at.shared.copy()
-    k = [p.name for p in found.model.parameters].index("X1.coulomb")
-    shared[k] = found.model.parameters[k].internal(friction * found.value("X1.coulomb"))
-    follows: list[bool] = []
-
-    def noted(one: Fitted, follow: bool = True) -> tuple[Moves, ...]:
-        follows.append(follow)
-        return reconstructed(one, follow)
-
-    monkeypatch.setattr("service.identification.held_out.reconstructed", noted)
-    said = held_out(moves_of(captures[1], ("X1",)), replace(found, at=Point(shared, found.at.local)))
-    assert follows[:2] == [False, False]
-    assert follows[2:] == [True] * len(follows[2:])
-    assert bool(follows[2:]) == agreed
-    assert len(follows) < TURNS
-    assert (rms(said.weighed) < 1.5) == agreed

@@ -1,0 +1,60 @@
+"""The backlash of a fitted model, and how well it is known beside the numbers of an effect."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from service.backlash.moves_begun import point_at
+from service.backlash.moves_fit import (
+    Fitted,
+    fit,
+    values_at,
+)
+from service.dynamics.effects.driven_transmission import (
+    DrivenBentContact,
+    DrivenLocalBacklash,
+)
+from service.identification.axis_numbers import backlash_of, clearance_beside, unseen_depth
+from tests.service.identification.with_a_clearance import with_a_clearance
+
+
+def test_how_two_gaps_divide_their_sum_is_in_the_interval_of_the_backlash(found: Fitted) -> None:
+    whole = found.value("X1.backlash")
+    model, at = with_a_clearance(found, 0.4 * whole)
+    both = fit(found.moves, model, at, 0)
+    b, std = backlash_of(both, 0)
+    assert b == pytest.approx(0.6 * whole)
+    assert clearance_beside(both, 0) == pytest.approx(whole)
+    assert clearance_beside(found, 0) == 0.0
+    assert std > 0.25 * whole > 10.0 * backlash_of(found, 0)[1]
+
+
+def test_where_a_bent_flank_begins_to_push_is_in_the_interval_of_the_backlash(found: Fitted) -> None:
+    """What lies below the noise no sample shows; a straight flank begins where its line does."""
+    model = replace(found.model, effects=(*found.model.effects, DrivenBentContact(("X1",))))
+    k, bend, push = 6e4, 0.6, 4.0
+    values = values_at(found) | {"X1.bend": bend, "X1.contact_stiffness": k}
+    bent = fit(found.moves, model, point_at(model, values, found.moves), 0)
+    depth = unseen_depth(bent, 0) / bend
+    assert k * depth * (depth / (push / k)) ** bend == pytest.approx(found.moves[0].noise[0])
+    assert backlash_of(bent, 0)[1] > 0.5 * bend * depth
+    assert unseen_depth(found, 0) == 0.0
+
+
+def test_a_gap_that_changes_along_the_rack_is_said_where_the_moves_cross_it(found: Fitted) -> None:
+    """Its width where the recording began, and what a wave of 9 mm adds up to at 0.6 of every move."""
+    model = replace(found.model, effects=(*found.model.effects, DrivenLocalBacklash(("X1",))))
+    planted = {"X1.gap_slope": 0.01, "X1.gap_bow": -4.0, "X1.gap_period": 9e-3}
+    at = point_at(model, values_at(found) | planted, found.moves)
+    (part,), kappa = found.moves, 2 * np.pi / 9e-3
+    steps = [part.recording.moves[grid.index] for grid in part.grids]
+    places = np.array([float(part.plain[0](step.start + 0.6 * step.duration)) for step in steps])
+    size, phase = np.hypot(0.01 / kappa, 4.0 / kappa**2), np.arctan2(4.0, 0.01 * kappa)
+    wider = float(np.mean(size * (np.sin(kappa * places + phase) - np.sin(phase))))
+    assert abs(wider) > 1e-6
+    b, std = backlash_of(fit(found.moves, model, at, 0), 0)
+    assert b == pytest.approx(found.value("X1.backlash") + wider, abs=1e-10)
+    assert std > backlash_of(found, 0)[1], "the wave is not known exactly, either"

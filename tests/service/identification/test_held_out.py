@@ -1,0 +1,128 @@
+"""What a prediction of moves may see that were not fitted, and what it doubts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from service.backlash.moves import (
+    REST_SPREAD,
+    Moves,
+    early_part,
+    moves_of,
+)
+from service.backlash.moves_fit import (
+    Fitted,
+    Point,
+    fit,
+    reconstructed,
+    rests_found,
+)
+from service.dynamics.driven_model import Model
+from service.dynamics.effects.driven_sensors import DrivenBias
+from service.identification.held_out import IN_THE_GAP, TURNS, held_out, rms, told_by_train
+from service.recording import FloatArray, Recording, Trace
+
+
+def altered(recording: Recording, from_share: float) -> Recording:
+    """The recording with nonsense in the acceleration of every move from a share of it on."""
+    trace = recording.traces["X1", "acceleration"]
+    value = trace.value.copy()
+    for move in recording.moves:
+        late = (trace.time > move.start + from_share * move.duration) & (trace.time <= move.end)
+        value[late] = 3.0
+    return replace(recording, traces={**recording.traces, ("X1", "acceleration"): Trace(trace.time, value)})
+
+
+def test_a_prediction_does_not_see_the_acceleration_that_it_predicts(
+    captures: tuple[Recording, Recording], found: Fitted
+) -> None:
+    honest = held_out(moves_of(captures[1], ("X1",)), found)
+    blind = held_out(moves_of(altered(captures[1], 0.46), ("X1",)), found)
+    np.testing.assert_allclose(blind.predicted, honest.predicted, rtol=0.0, atol=1e-9)
+
+
+def test_a_prediction_is_doubted_by_as_much_as_numbers_within_their_spread_change_it(
+    captures: tuple[Recording, Recording], found: Fitted
+) -> None:
+    validate, rng = moves_of(captures[1], ("X1",)), np.random.default_rng(2)
+    held = held_out(validate, found, thorough=False)
+    known = np.linalg.cholesky(told_by_train(found) + 1e-12 * np.eye(len(found.at.shared)))
+    others = []
+    for _ in range(16):
+        shared = found.at.shared + known @ rng.standard_normal(len(found.at.shared))
+        other = replace(found, at=replace(found.at, shared=shared))
+        others.append(held_out(validate, other, thorough=False).predicted - held.predicted)
+    spread = np.sqrt(np.mean(np.square(others), axis=0)) / validate.noise[:, None] / validate.expected
+    late = validate.used & ~early_part_mask(validate)
+    expected = np.sqrt(np.mean(held.doubted[late] ** 2))
+    assert np.sqrt(np.mean(spread[late] ** 2)) == pytest.approx(expected, rel=0.5)
+
+
+def early_part_mask(moves: Moves) -> FloatArray:
+    mask = np.zeros(moves.used.shape, dtype=bool)
+    early = early_part(moves, 0.45).used
+    mask[..., : early.shape[-1]] = early
+    return mask
+
+
+def test_a_held_out_move_that_is_begun_behind_the_wrong_flank_finds_where_its_load_lay(
+    captures: tuple[Recording, Recording], found: Fitted, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """So it does beside a sensor's zero that is found again, which else makes up for the wrong place."""
+    beyond = -0.2 * found.value("X1.backlash") / REST_SPREAD[0]
+
+    def misplaced(moves: Sequence[Moves], model: Model, at: Point, among: Sequence[float] = ()) -> Point:
+        if among == (IN_THE_GAP,):
+            return rests_found(moves, model, at, among)
+        local = [own.copy() for own in at.local]
+        for part, own in zip(moves, local, strict=True):
+            own[:, 0] = part.s * beyond
+        return Point(at.shared, tuple(local))
+
+    model = replace(found.model, effects=(*found.model.effects, DrivenBias(("X1",))))
+    at = Point(
+        np.append(found.at.shared, 0.0), tuple(np.pad(own, ((0, 0), (0, 1))) for own in found.at.local)
+    )
+    wandering = fit(found.moves, model, at, 2)
+    validate = moves_of(captures[1], ("X1",))
+    right = rms(held_out(validate, wandering, thorough=False).weighed)
+    monkeypatch.setattr("service.identification.held_out.rests_found", misplaced)
+    assert rms(held_out(validate, wandering, thorough=False).weighed) == pytest.approx(right, rel=0.01)
+
+
+@pytest.mark.parametrize(("friction", "agreed"), [(1.0, True), (9.0, False)])
+def test_the_motion_in_held_out_moves_follows_the_force_until_both_agree(
+    captures: tuple[Recording, Recording],
+    found: Fitted,
+    monkeypatch: pytest.MonkeyPatch,
+    friction: float,
+    agreed: bool,
+) -> None:
+    """Not for a model that is far from their first part: it is not the right one."""
+    shared = found.at.shared.copy()
+    k = [p.name for p in found.model.parameters].index("X1.coulomb")
+    shared[k] = found.model.parameters[k].internal(friction * found.value("X1.coulomb"))
+    follows: list[bool] = []
+
+    def noted(one: Fitted, follow: bool = True) -> tuple[Moves, ...]:
+        follows.append(follow)
+        return reconstructed(one, follow)
+
+    monkeypatch.setattr("service.identification.held_out.reconstructed", noted)
+    said = held_out(moves_of(captures[1], ("X1",)), replace(found, at=Point(shared, found.at.local)))
+    assert follows[:2] == [False, False]
+    assert follows[2:] == [True] * len(follows[2:])
+    assert bool(follows[2:]) == agreed
+    assert len(follows) < TURNS
+    assert (rms(said.weighed) < 1.5) == agreed
+
+
+@pytest.mark.filterwarnings("error")
+def test_an_rms_is_of_what_is_there() -> None:
+    assert rms(np.array([3.0, np.nan, -4.0])) == pytest.approx(np.sqrt(12.5))
+    assert np.isnan(rms(np.full(3, np.nan)))
+    assert np.isinf(rms(np.array([1.0, np.inf])))
