@@ -54,7 +54,7 @@ def expected_errors(
     -------
     The residuals' standard deviation over the noise (T, X, K), and how it divides.
     """
-    values = model.complete({p.name: p.value(shared[k : k + 1]) for k, p in enumerate(model.parameters)})
+    values = model.complete(model.values(shared[None]))
     skews = [float(values[f"{a}.skew"][0]) for a in moves.axes]
     c = motor_coefficients(moves, np.array([skews]))
     plain = replace(moves, motion=tuple(moves.plain for _ in moves.grids), echoes=(), reference=None)

@@ -20,7 +20,7 @@ from scipy.linalg import cho_factor, cho_solve
 from service.backlash.model_fit_following import Following
 from service.dynamics.driven import Course, Response, course_of
 from service.dynamics.driven_balance import Along, Balanced, along, balance
-from service.dynamics.driven_model import LINKS, Model, Parameter, Values
+from service.dynamics.driven_model import LINKS, Model, Values
 from service.dynamics.driven_motion import StepGrid, of_motors
 from service.dynamics.driven_recoil import Recoil
 from service.dynamics.driven_reconstruction import Echo, answered
@@ -180,11 +180,6 @@ class Fit:
         return float(model.parameters[k].value(self.point.shared[k]))
 
 
-def values_of(parameters: Sequence[Parameter], shared: FloatArray) -> dict[str, FloatArray]:
-    """Coordinates (S, P) -> values (S,) by name."""
-    return {p.name: p.value(shared[:, k]) for k, p in enumerate(parameters)}
-
-
 def motor_coefficients(problem: Problem, skews: FloatArray) -> FloatArray:
     """Motor motion of every set, step and axis on the grid: skews (S, X) [s] -> (S, T, K, X, 5)."""
     starts = np.array([grid.start for grid in problem.grids])
@@ -219,7 +214,7 @@ def course_at(
 ) -> Course | Balanced:
     """Simulate sets of coordinates in one pass: shared (S, P), local (S, T, X, L); `shift` (S, T, K, X, 5), or with
     one T for all steps, is added to the motors' motion."""
-    free = values_of(problem.model.parameters, shared)
+    free = problem.model.values(shared)
     values = problem.model.complete(free)
     if problem.seen is not None:
         return balanced(problem, values, problem.seen, local)

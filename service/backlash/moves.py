@@ -299,7 +299,7 @@ def predict(moves: Moves, model: Model, shared: FloatArray, local: FloatArray) -
     Where the motors' motion was reconstructed, it answers to the force that a set makes: otherwise a fit would take
     the error of its input for a change of the structure, and come nearer only from one reconstruction to the next.
     """
-    values = model.complete(free_values(model, shared))
+    values = model.complete(model.values(shared))
     c = motor_coefficients(moves, np.stack([values[f"{a}.skew"] for a in model.axes], axis=1))
     said = simulated(moves, model, shared, local, c)
     if moves.reference is None:
@@ -308,14 +308,9 @@ def predict(moves: Moves, model: Model, shared: FloatArray, local: FloatArray) -
     return simulated(moves, model, shared, local, c)
 
 
-def free_values(model: Model, shared: FloatArray) -> Values:
-    """Coordinates (S, P) -> values by name, (S,) each."""
-    return {p.name: p.value(shared[:, k]) for k, p in enumerate(model.parameters)}
-
-
 def simulated(moves: Moves, model: Model, shared: FloatArray, local: FloatArray, c: FloatArray) -> Course:
     """As `predict`, for a given motion of the motors c (S, T, K, X, 5), whose K may go beyond the moves' end."""
-    free = free_values(model, shared)
+    free = model.values(shared)
     values = model.complete(free)
     S, X = len(shared), len(model.axes)
     load = np.empty((S, len(moves.grids), X, 2))
@@ -370,7 +365,7 @@ def with_reconstructed_motion(
 
     With `follow` that motion goes on following the force.
     """
-    free = free_values(model, shared[None])
+    free = model.values(shared[None])
     values, lags = model.complete(free), model.lags({name: float(value[0]) for name, value in free.items()})
     kept = 0.0 if moves.reference is None else KEPT
     motions, echoes = [], []

@@ -119,7 +119,7 @@ class Fitted:
 
 def values_at(found: Fitted) -> dict[str, float]:
     """The fitted values by name."""
-    return {p.name: float(p.value(u)) for p, u in zip(found.model.parameters, found.at.shared, strict=True)}
+    return {name: float(value[0]) for name, value in found.model.values(found.at.shared[None]).items()}
 
 
 def width(model: Model) -> int:
@@ -149,11 +149,7 @@ def priors(at: Point, free: Free) -> FloatArray:
 
 def limits(model: Model) -> FloatArray:
     """Least and greatest coordinate of every shared parameter, (P, 2): where its value ends, at most FAR."""
-    ends = [
-        (p.internal(p.low) if p.low > 0.0 or not p.logarithmic else -np.inf, p.internal(p.high))
-        for p in model.parameters
-    ]
-    return np.clip(np.array(ends, dtype=np.float64).reshape(-1, 2), -FAR, FAR)
+    return np.clip(model.scales.ends, -FAR, FAR)
 
 
 def within(model: Model, at: Point) -> Point:
@@ -304,7 +300,7 @@ def rests_found(
 ) -> Point:
     """The point with each move's resting place chosen among a few by its own residuals."""
     local = []
-    values = {p.name: float(p.value(u)) for p, u in zip(model.parameters, at.shared, strict=True)}
+    values = {name: float(value[0]) for name, value in model.values(at.shared[None]).items()}
     for part, own in zip(moves, at.local, strict=True):
         rests = [rest for effect in model.effects for rest in effect.rests(values)]
         lying = [own, *(at_rest(own, model, rest) for rest in rests)]

@@ -25,6 +25,7 @@ from service.dynamics.driven_parameters import (
     LINKS,
     TURNOVER_PARAMETERS,
     Parameter,
+    Scales,
     Structure,
     Values,
 )
@@ -68,6 +69,16 @@ class Model(Structure):
         named = [p.of(a) for a in self.axes for p in self.of_axis if p.name not in self.held]
         bridge = BRIDGE_PARAMETERS if len(self.axes) == 2 and self.bridge else ()
         return (*named, *bridge, *(p for effect in self.effects for p in effect.parameters))
+
+    @cached_property
+    def scales(self) -> Scales:
+        """Of the parameters."""
+        return Scales.of(self.parameters)
+
+    def values(self, shared: FloatArray) -> Values:
+        """Coordinates (S, P) of the parameters -> values by name, (S,) each."""
+        columns = np.ascontiguousarray(self.scales.values(shared).T)
+        return {p.name: column for p, column in zip(self.parameters, columns, strict=True)}
 
     @cached_property
     def nuisance(self) -> tuple[Parameter, ...]:

@@ -6,10 +6,12 @@ with the measurement; the torque, where recorded, says how heavy M is.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from service.recording import FloatArray
 
@@ -62,6 +64,40 @@ class Parameter:
     def of(self, axis: str) -> Parameter:
         """The same parameter as one axis' own, its name in front."""
         return replace(self, name=f"{axis}.{self.name}")
+
+
+@dataclass(frozen=True)
+class Scales:
+    """The priors and bounds of all parameters (P,) of a model at once, as in Parameter."""
+
+    typical: FloatArray
+    spread: FloatArray
+    logarithmic: NDArray[np.bool_]
+    low: FloatArray
+    high: FloatArray
+
+    @classmethod
+    def of(cls, parameters: Sequence[Parameter]) -> Scales:
+        rows = [(p.typical, p.spread, p.logarithmic, p.low, p.high) for p in parameters]
+        typical, spread, logarithmic, low, high = np.array(rows, dtype=np.float64).reshape(-1, 5).T
+        return cls(typical, spread, logarithmic > 0.0, low, high)
+
+    def values(self, coordinates: FloatArray) -> FloatArray:
+        """Coordinates (S, P) -> values (S, P)."""
+        moved = coordinates * self.spread
+        grown = self.typical * np.exp(np.where(self.logarithmic, moved, 0.0))
+        return np.asarray(
+            np.clip(np.where(self.logarithmic, grown, self.typical + moved), self.low, self.high)
+        )
+
+    @cached_property
+    def ends(self) -> FloatArray:
+        """Coordinates (P, 2) at which the values end; infinite where they do not."""
+        bounds = np.stack((self.low, self.high), axis=1)
+        typical, spread, logarithmic = self.typical[:, None], self.spread[:, None], self.logarithmic[:, None]
+        with np.errstate(all="ignore"):
+            grown = np.log(np.maximum(bounds, 0.0) / typical, where=logarithmic, out=np.zeros_like(bounds))
+        return np.asarray(np.where(logarithmic, grown, bounds - typical) / spread)
 
 
 AXIS_PARAMETERS = (

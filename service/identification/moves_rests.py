@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from service.backlash.moves import REST_SPREAD, Moves, Swings, free_values, left_over, simulated
+from service.backlash.moves import REST_SPREAD, Moves, Swings, left_over, simulated
 from service.backlash.moves_fit import Point
 from service.dynamics.driven_model import Model
 from service.dynamics.driven_motion import of_motors
@@ -33,7 +33,7 @@ def swinging_on(
     left is `known` to a share of the prior's width."""
     if not swings_at_all(model) or any(len(part.grids) < 2 for part in moves):
         return tuple(moves), at
-    values, parts, local = model.complete(free_values(model, at.shared[None])), [], []
+    values, parts, local = model.complete(model.values(at.shared[None])), [], []
     for part, own in zip(moves, at.local, strict=True):
         on = swings(part, model, at.shared, own, known)
         following = replace(part, swings=on)
@@ -64,7 +64,7 @@ def swings(moves: Moves, model: Model, shared: FloatArray, local: FloatArray, kn
     """What every move finds left of the move before, by a simulation through the rests; the first one finds nothing."""
     apart = np.diff(moves.start)
     K = int(np.ceil(min(float(np.max(apart)), LONGEST) / moves.h)) + 1
-    values = model.complete(free_values(model, shared[None]))
+    values = model.complete(model.values(shared[None]))
     skews = np.stack([values[f"{a}.skew"] for a in model.axes], axis=1)
     c = of_motors([moves.plain] * len(moves.grids), moves.start, moves.h, K, skews)
     said = simulated(moves, model, shared[None], local[None], c)

@@ -23,7 +23,15 @@ from service.backlash.moves_fit import (
 )
 from service.dynamics.driven_model import DrivenEffect, Model
 from service.identification.held_out import DESCRIBED, Explained, trial_of
-from service.identification.moves_end import HOPELESS, SOUND, ended, settled, settled_anyhow, with_own_errors
+from service.identification.moves_end import (
+    AS_WELL,
+    HOPELESS,
+    SOUND,
+    ended,
+    settled,
+    settled_anyhow,
+    with_own_errors,
+)
 from service.identification.moves_looks import (
     ENDED,
     GLIMPSE,
@@ -197,16 +205,20 @@ def begun_again(
 
 def finished(scene: Scene, trials: Mapping[str, Trial[Explained]]) -> dict[str, Trial[Explained]]:
     """The trials, those of the finalists with the motor's motion reconstructed from them, and ended if they are near;
-    what swings comes last, and only if it is not far behind."""
+    what swings comes last, and only if it is not far behind. What comes closest to the moves that it was fitted to, and
+    describes them, is ended even if it describes the others not much worse: it may be the right one."""
     out, done = dict(trials), list[str]()
     for name in sorted(finalists(trials), key=lambda name: swings_at_all(trials[name].model.fitted.model)):
         nearest = min((out[other].train_rms for other in done), default=np.inf)
         if nearest > ENDED or out[name].train_rms < BEHIND * nearest:
             out[name] = trial_of(scene, settled_anyhow(with_own_errors(out[name].model.fitted)))
             done.append(name)
-    near = leading({name: distance(out[name]) for name in done if not out[name].at_limits}, FINALISTS)
+    sound = [name for name in done if not out[name].at_limits]
+    near = leading({name: distance(out[name]) for name in sound}, FINALISTS)
     first = min(done, key=lambda name: distance(out[name]))
-    return out | {name: to_the_end(scene, out[name]) for name in {first, *near}}
+    closest = min(sound, key=lambda name: out[name].train_rms, default=first)
+    out |= {name: to_the_end(scene, out[name]) for name in {first, *near}}
+    return out | {closest: to_the_end(scene, out[closest], DESCRIBED, AS_WELL)}
 
 
 def in_best_shape(
@@ -289,15 +301,17 @@ def fitted_on(base: Fitted, found: dict[str, Fitted], tried: Sequence[Candidate]
             found[candidate.name] = as_other(found[candidate.name], best)
 
 
-def to_the_end(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
-    """The trial with its fit ended where it describes the moves that it was fitted to, but not the others: the noise of
-    the speed, taken for the motor's motion, may have driven its numbers away."""
-    return ended(scene, trial) if trial.train_rms < SOUND and describes_its_own_only(trial) else trial
+def to_the_end(
+    scene: Scene, trial: Trial[Explained], near: float = SOUND, as_well: float = UNKNOWN_NUMBERS
+) -> Trial[Explained]:
+    """The trial with its fit ended where it is `near` the moves that it was fitted to, but does not describe the others
+    `as_well`: the noise of the speed, taken for the motor's motion, may have driven its numbers away."""
+    return ended(scene, trial) if trial.train_rms < near and describes_its_own_only(trial, as_well) else trial
 
 
-def describes_its_own_only(trial: Trial[Explained]) -> bool:
-    """Whether the moves that were fitted are described much better than the others."""
-    return trial.validation_rms > UNKNOWN_NUMBERS * max(1.0, trial.train_rms)
+def describes_its_own_only(trial: Trial[Explained], as_well: float = UNKNOWN_NUMBERS) -> bool:
+    """Whether the moves that were fitted are described better than the others, by more than `as_well`."""
+    return trial.validation_rms > as_well * max(1.0, trial.train_rms)
 
 
 def leading(found: Mapping[str, float], count: int) -> list[str]:

@@ -53,9 +53,16 @@ def test_all_finalists_that_are_near_are_ended_before_one_is_chosen(monkeypatch:
     monkeypatch.setattr(moves_search, "with_own_errors", lambda fitted: fitted)
     monkeypatch.setattr(moves_search, "settled_anyhow", lambda fitted: fitted)
     monkeypatch.setattr(moves_search, "trial_of", lambda _scene, fitted: trials[fitted.model])
-    monkeypatch.setattr(moves_search, "to_the_end", lambda _scene, one: trial(one.name + " ended", 1.0, 1.0))
+    asked: list[tuple[str, float]] = []
+
+    def to_the_end(_scene: Any, one: Any, near: float = 2.0, _as_well: float = 1.3) -> Any:
+        asked.append((one.name, near))
+        return one if near < 2.0 else trial(one.name + " ended", 1.0, 1.0)
+
+    monkeypatch.setattr(moves_search, "to_the_end", to_the_end)
     done = moves_search.finished(cast(Any, None), cast(Any, trials))
     assert [cast(Any, done[name]).name for name in errors] == ["force ended", "friction ended", "far"]
+    assert asked[-1] == ("friction ended", 1.15), "what describes its moves best may be the right one"
     trials["friction"].at_limits = ("coulomb_asymmetry",)
     done = moves_search.finished(cast(Any, None), cast(Any, trials))
     assert cast(Any, done["friction"]).name == "friction", "what is no such effect is not worth the time"
@@ -256,15 +263,23 @@ def test_how_two_gaps_divide_their_sum_is_tried_everywhere(monkeypatch: Any) -> 
 
 
 @pytest.mark.parametrize(
-    ("train", "held_out", "ended"),
-    [(1.0, 2.0, True), (1.0, 1.2, False), (1.5, 1.8, False), (1.5, 2.1, True), (2.5, 9.0, False)],
+    ("train", "held_out", "asked", "ended"),
+    [
+        (1.0, 2.0, (), True),
+        (1.0, 1.2, (), False),
+        (1.0, 1.2, (1.15, 1.1), True),
+        (1.2, 1.5, (1.15, 1.1), False),
+        (1.5, 1.8, (), False),
+        (1.5, 2.1, (), True),
+        (2.5, 9.0, (), False),
+    ],
 )
 def test_a_fit_that_describes_its_own_moves_only_is_ended_before_it_is_judged(
-    monkeypatch: Any, train: float, held_out: float, ended: bool
+    monkeypatch: Any, train: float, held_out: float, asked: tuple[float, ...], ended: bool
 ) -> None:
     monkeypatch.setattr(moves_search, "ended", lambda _scene, _trial: "ended")
     trial = cast(Any, SimpleNamespace(train_rms=train, validation_rms=held_out))
-    assert (moves_search.to_the_end(cast(Any, None), trial) == "ended") is ended
+    assert (moves_search.to_the_end(cast(Any, None), trial, *asked) == "ended") is ended
 
 
 def test_the_present_model_is_challenged_where_the_best_ended_with_gear_and_pinion_apart(
