@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from service.backlash.moves import Moves
-from service.identification.axis_numbers import clearance_beside
+from service.identification.axis_numbers import apart_in_time, clearance_beside
 from service.identification.explanation import Finding, SeparatingMove
 from service.identification.held_out import Explained, Held, rms
 from service.identification.scene import Scene
@@ -82,6 +82,14 @@ def evidence_of(
         lines.append(
             f"the two gaps are {1e6 * both:.1f} µm together; how they divide between flanks and gearbox these moves "
             "hardly tell: hold the motor and turn the pinion by hand to measure the gearbox alone"
+        )
+    apart = apart_in_time(selection.before.model.fitted, axis)
+    if finding == "unknown" and apart:
+        lines.append(
+            f"the {model} model needs channels that are {1e6 * abs(apart):.0f} µs apart in time, more than a "
+            "measurement's clocks are: a channel is late, or a stage of the transmission creeps under its force, as a "
+            "slipping coupling or a belt does. Check the time stamps, then look for a mark that wanders between motor "
+            "and pinion"
         )
     if finding == "unknown" and selection.effects:
         lines.append(f"{', '.join(selection.effects)} explain a part, but not enough to be named")

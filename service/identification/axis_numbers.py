@@ -18,9 +18,21 @@ CROSSED = 0.6
 """Share of a move at which its gap is crossed, about: after the top speed, at two thirds of the braking."""
 STRUCTURE = (0.11e-6, 1.2e-3)
 """Standard deviation of what the structure is worth: floor [m] and share of the backlash, as in the estimator."""
+UNTIMELY = 3.0
+"""Standard deviations of its prior from which on a clock's offset is none of a measurement whose channels are in time
+(chosen: 90 µs)."""
 SPLIT = 0.25
 """Standard deviation of how two gaps in series divide what they are together, as a share of that. Chosen: the fit has a
 valley every few micrometres of the split, and the deepest is not always found."""
+
+
+def apart_in_time(found: Fitted, axis: int) -> float:
+    """By how much the channels of an axis would have to be apart in time [s], if that is more than a measurement's
+    clocks are, else 0: what a fit needs this for is another effect."""
+    name = f"{found.model.axes[axis]}.clock_offset"
+    of = {p.name: (p, float(u)) for p, u in zip(found.model.parameters, found.at.shared, strict=True)}
+    parameter, u = of.get(name, (None, 0.0))
+    return float(parameter.value(u)) if parameter and abs(u) > UNTIMELY else 0.0
 
 
 def covariance(found: Fitted) -> FloatArray:

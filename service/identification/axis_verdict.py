@@ -11,7 +11,7 @@ import numpy as np
 from service.backlash.moves_fit import Fitted
 from service.dynamics.effects.driven_library import DRIVEN
 from service.identification.axis_evidence import evidence_of, over_range, separating_move
-from service.identification.axis_numbers import backlash_of, deviations
+from service.identification.axis_numbers import apart_in_time, backlash_of, deviations
 from service.identification.explanation import (
     AxisExplanation,
     ErrorReport,
@@ -139,11 +139,11 @@ def finding_of(
     What was `seen_at_rest`, beside all moves, is no impurity that a fit may imagine, and has its name where the moves
     that were fitted are described with it, however far from the others a chain is that is not known well. A model that
     leaves no more than `sound` may lack nothing, and one that leaves a little more only impurities, if nothing that is
-    tried in their place changes the backlash.
+    tried in their place changes the backlash, and if its channels need not be apart in time.
     """
     before, after, effects = selection.before, selection.after, selection.effects
     sound = max(sound, SMALL) if _undisputed(selection) else sound
-    nothing: Finding = "none" if _little(before) and left(after) <= sound else "unknown"
+    nothing: Finding = "none" if _little(before) and left(after) <= sound and _in_time(before) else "unknown"
     if not effects:
         return nothing, ()
     alone = len(effects) == 1 and explained(before, after)
@@ -244,6 +244,12 @@ def _undisputed(selection: Selection[Explained]) -> bool:
 def _little(trial: Trial[Explained]) -> bool:
     """Whether what the declared model leaves may be an impurity too small to matter."""
     return left(trial) <= SMALL and trial.validation_rms <= CHANGED
+
+
+def _in_time(trial: Trial[Explained]) -> bool:
+    """Whether no channels need be apart in time for it, more than those of a measurement are."""
+    found = trial.model.fitted
+    return not any(apart_in_time(found, axis) for axis in range(len(found.model.axes)))
 
 
 def _report(one: Explained, axis: int) -> ErrorReport:

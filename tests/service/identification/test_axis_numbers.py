@@ -7,17 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from service.backlash.moves_begun import point_at
+from service.backlash.moves_begun import point_at, shared_at
 from service.backlash.moves_fit import (
     Fitted,
     fit,
     values_at,
 )
+from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_transmission import (
     DrivenBentContact,
     DrivenLocalBacklash,
 )
-from service.identification.axis_numbers import backlash_of, clearance_beside, unseen_depth
+from service.identification.axis_numbers import apart_in_time, backlash_of, clearance_beside, unseen_depth
 from tests.service.identification.with_a_clearance import with_a_clearance
 
 
@@ -58,3 +59,20 @@ def test_a_gap_that_changes_along_the_rack_is_said_where_the_moves_cross_it(foun
     b, std = backlash_of(fit(found.moves, model, at, 0), 0)
     assert b == pytest.approx(found.value("X1.backlash") + wider, abs=1e-10)
     assert std > backlash_of(found, 0)[1], "the wave is not known exactly, either"
+
+
+@pytest.mark.parametrize(
+    ("offset", "apart"), [(80e-6, 0.0), (-80e-6, 0.0), (100e-6, 100e-6), (-140e-6, -140e-6)]
+)
+def test_channels_are_apart_in_time_only_by_more_than_clocks_are(
+    found: Fitted, offset: float, apart: float
+) -> None:
+    values = values_at(found) | {"X1.clock_offset": offset}
+    late = replace(found, at=replace(found.at, shared=shared_at(found.model, values)))
+    assert apart_in_time(late, 0) == pytest.approx(apart, abs=1e-9)
+
+
+def test_a_model_without_clocks_has_none_apart(found: Fitted) -> None:
+    model = Model(("X1",), 2, (), "whole_move", ("constant", "skew"))
+    plain = replace(found, model=model, at=replace(found.at, shared=np.zeros(len(model.parameters))))
+    assert apart_in_time(plain, 0) == 0.0

@@ -13,8 +13,9 @@ from service.identification.selection import Selection, Trial
 
 
 def trial(train: float, held_out: float) -> Trial[Any]:
-    nothing = SimpleNamespace(fitted=SimpleNamespace(model=SimpleNamespace(axes=("X1",))))
-    return Trial(nothing, train, held_out, np.ones(5), np.zeros(0), 100.0)
+    model = SimpleNamespace(axes=("X1",), parameters=())
+    fitted = SimpleNamespace(model=model, at=SimpleNamespace(shared=()))
+    return Trial(SimpleNamespace(fitted=fitted), train, held_out, np.ones(5), np.zeros(0), 100.0)
 
 
 @pytest.mark.parametrize(
@@ -341,3 +342,12 @@ def test_an_effect_that_predicts_nearly_all_of_what_nobody_fitted_is_named_whate
     monkeypatch.setattr(axis_verdict, "_matters", lambda _selection: True)
     selection = Selection(trial(9.0, 33.0), trial(*after), ("position_dependent_backlash",), (), ())
     assert axis_verdict.finding_of(selection)[0] == finding
+
+
+@pytest.mark.parametrize(("offset", "found"), [(0.0, "none"), (100e-6, "unknown")])
+def test_a_model_whose_channels_have_to_be_apart_in_time_is_not_sound_however_little_it_leaves(
+    monkeypatch: pytest.MonkeyPatch, offset: float, found: str
+) -> None:
+    """A friction stage that creeps under the force of the step was taken for a clock that is 150 µs late."""
+    monkeypatch.setattr(axis_verdict, "apart_in_time", lambda _fitted, _axis: offset)
+    assert axis_verdict.finding_of(Selection(trial(1.03, 1.2), trial(1.03, 1.2), (), (), ()))[0] == found
