@@ -146,29 +146,53 @@ def finding_of(
     nothing: Finding = "none" if _little(before) and left(after) <= sound and _in_time(before) else "unknown"
     if not effects:
         return nothing, ()
-    alone = len(effects) == 1 and explained(before, after)
     if not _matters(selection):
-        seen = shown(before) > SMALL
-        uncommon = not _common(selection) and left(before) > SEARCHED
-        clearly = explained(before, after, CLEARLY) and gone(before.train_rms, after.train_rms, CLEARLY)
-        whole = len(effects) == 1 and clearly and (seen or after.validation_rms <= LEFT_BY_CLEAN)
-        clear = effects == seen_at_rest or (uncommon and whole and not _common_comes_as_near(selection))
-        clear = clear or (alone and _nothing_else_explains(selection))
-        if _little(before) and not (alone and seen) and not clear:
+        if _little(before) and not _clear(selection, seen_at_rest):
             return nothing, ()
-        everything = before.validation_rms > CHANGED and shown(after) <= LEFT_BY_CLEAN
-        if _common(selection, everything) and (alone or left(after) <= LEFT):
+        if _of_every_machine(selection):
             return "none", ()
+    return ("effect", effects) if _explanation(selection, seen_at_rest) else ("unknown", ())
+
+
+def _clear(selection: Selection[Explained], seen_at_rest: tuple[str, ...]) -> bool:
+    """Whether what was found is a finding although little is missing and the backlash stays: it was seen at rest; alone
+    it explains what shows in the moves that were fitted; or it is in no sound machine, explains all moves by itself,
+    and nothing else does or comes near."""
+    before, after, effects = selection.before, selection.after, selection.effects
+    seen = shown(before) > SMALL
+    if effects == seen_at_rest or (seen and _alone(selection)):
+        return True
+    clearly = explained(before, after, CLEARLY) and gone(before.train_rms, after.train_rms, CLEARLY)
+    whole = len(effects) == 1 and clearly and (seen or after.validation_rms <= LEFT_BY_CLEAN)
+    uncommon = not _common(selection) and left(before) > SEARCHED
+    if uncommon and whole and not _common_comes_as_near(selection):
+        return True
+    return _alone(selection) and _nothing_else_explains(selection)
+
+
+def _of_every_machine(selection: Selection[Explained]) -> bool:
+    """Whether what was found is what every sound machine has, and leaves next to nothing."""
+    everything = selection.before.validation_rms > CHANGED and shown(selection.after) <= LEFT_BY_CLEAN
+    return _common(selection, everything) and (_alone(selection) or left(selection.after) <= LEFT)
+
+
+def _explanation(selection: Selection[Explained], seen_at_rest: tuple[str, ...]) -> bool:
+    """Whether the effects leave near nothing, or predict nearly all that is missing in moves that nobody has fitted."""
+    before, after, effects = selection.before, selection.after, selection.effects
+    alone, certain = _alone(selection), effects == seen_at_rest and explained(before, after, PART)
+    if after.train_rms <= LEFT and (certain or (alone and explained(before, after, WHOLLY))):
+        return True
     error = left if len(effects) == 1 else shown
-    most = max(after.train_rms, after.validation_rms)
     # A law with many valleys imitates much, and holds exactly where it acts.
     exact = any(DRIVEN[name].many_valleys for name in effects if name in DRIVEN)
-    near = error(after) <= (LEFT_BY_ONE if alone and not exact else LEFT) and most <= CHANGED
-    certain = effects == seen_at_rest and explained(before, after, PART)
-    wholly = after.train_rms <= LEFT and (certain or (alone and explained(before, after, WHOLLY)))
-    if wholly or (near and explained(before, after, PART) and _fitted_too(before, after)):
-        return "effect", effects
-    return "unknown", ()
+    near = error(after) <= (LEFT_BY_ONE if alone and not exact else LEFT)
+    near = near and max(after.train_rms, after.validation_rms) <= CHANGED
+    return near and explained(before, after, PART) and _fitted_too(before, after)
+
+
+def _alone(selection: Selection[Explained]) -> bool:
+    """Whether one effect explains nearly all by itself."""
+    return len(selection.effects) == 1 and explained(selection.before, selection.after)
 
 
 def _fitted_too(before: Trial[Explained], after: Trial[Explained]) -> bool:
