@@ -237,12 +237,9 @@ def select(
         if nearest is None or imitated(present, trials, nearest):
             log += judged.values()
             break
-        near = [name for name in passed if distance(trials[name]) <= (1.0 + NEAR) * distance(nearest)]
-        best = min(near, key=lambda name: (size(trials[name]), distance(trials[name])))
+        best = _smallest_near({name: trials[name] for name in passed}, size)
         log += [_only(best, candidate) for candidate in judged.values()]
-        others = [name for name in passed if name != best]
-        shares = {name: NEAR if name in nearly(best) else MATERIAL for name in others}
-        rivals += [(best, name) for name in others if _alike(trials[best], trials[name], shares[name])]
+        rivals += [(best, name) for name in passed if _rival(best, name, trials, nearly)]
         refined = refine(trials[best])
         worse = distance(refined) > (1.0 + NEAR) * distance(trials[best])
         present, taken = trials[best] if worse else refined, (*taken, best)
@@ -282,6 +279,20 @@ def _without_containing(
             if inner in passed
         )
     ]
+
+
+def _smallest_near(trials: Mapping[str, Trial[ModelT]], size: Callable[[Trial[ModelT]], int]) -> str:
+    """Of those that come about as near to all moves as the nearest the one with the fewest parameters."""
+    least = min(distance(trial) for trial in trials.values())
+    near = [name for name, trial in trials.items() if distance(trial) <= (1.0 + NEAR) * least]
+    return min(near, key=lambda name: (size(trials[name]), distance(trials[name])))
+
+
+def _rival(
+    best: str, name: str, trials: Mapping[str, Trial[ModelT]], nearly: Callable[[str], Sequence[str]]
+) -> bool:
+    """Whether another effect explains the moves as the best one does."""
+    return name != best and _alike(trials[best], trials[name], NEAR if name in nearly(best) else MATERIAL)
 
 
 def _only(best: str, candidate: Candidate) -> Candidate:
