@@ -10,7 +10,7 @@ import numpy as np
 from service.dynamics.driven_model import DrivenEffect
 from service.dynamics.effects.driven_library import DRIVEN
 from service.dynamics.effects.driven_sensors import DrivenBias
-from service.identification.axis_verdict import LEFT_BY_ONE, verdict
+from service.identification.axis_verdict import LEFT_BY_ONE, SMALL, verdict
 from service.identification.explanation import Accepted, AxisExplanation
 from service.identification.given_effects import as_accepted, names_of, with_effects_of
 from service.identification.held_out import SEARCHED, Explained, trial_of
@@ -27,7 +27,7 @@ FURTHER = (0.25, 1.6)
 residual is that of a friction curve or an impact slightly off, which many effects imitate (chosen)."""
 MOST = 2
 """Effects that are named of one axis' moves (chosen): each is searched for as long as the first."""
-LIMITS = Limits(MATERIAL, SEARCHED, FURTHER, LEFT_BY_ONE, MOST)
+LIMITS = Limits(MATERIAL, SEARCHED, FURTHER, LEFT_BY_ONE, MOST, SMALL)
 BEYOND = replace(LIMITS, material=FURTHER[0], enough=FURTHER[1])
 """Beyond accepted effects the next one is a further one."""
 

@@ -23,6 +23,8 @@ from service.identification.given_effects import LEFT
 from service.identification.held_out import SEARCHED, SEEN_AT_REST, Explained, Held, rms
 from service.identification.scene import Scene
 from service.identification.selection import (
+    LEFT_BY_CLEAN,
+    PART,
     UNKNOWN_NUMBERS,
     Selection,
     Trial,
@@ -31,11 +33,10 @@ from service.identification.selection import (
     gone,
     left,
     shown,
+    sole_fit,
 )
 from service.recording import FloatArray
 
-LEFT_BY_CLEAN = 1.25
-"""RMS over what is expected up to which what is left may be next to nothing (chosen)."""
 LEFT_BY_ONE = 3.0
 """The same for an effect that explains nearly all by itself: what it leaves is how its law differs from the machine's
 (chosen)."""
@@ -85,8 +86,6 @@ left is how its law differs from the machine's (chosen)."""
 CHANGED = 4.0
 """Held-out RMS from which on the machine is not what it was in the train recordings, however well it fits these: what
 impurities too small to matter leave there is less, and so does what has its right name (chosen)."""
-PART = 0.5
-"""Share of the excess variance that has to be explained for a name: less is a part of something else (chosen)."""
 
 
 def verdict(
@@ -177,10 +176,13 @@ def _of_every_machine(selection: Selection[Explained]) -> bool:
 
 
 def _explanation(selection: Selection[Explained], seen_at_rest: tuple[str, ...]) -> bool:
-    """Whether the effects leave near nothing, or predict nearly all that is missing in moves that nobody has fitted."""
+    """Whether the effects leave near nothing, or predict nearly all that is missing in moves that nobody has fitted, or
+    one of them alone describes those that were and predicts the others no worse."""
     before, after, effects = selection.before, selection.after, selection.effects
     alone, certain = _alone(selection), effects == seen_at_rest and explained(before, after, PART)
     if after.train_rms <= LEFT and (certain or (alone and explained(before, after, WHOLLY))):
+        return True
+    if effects == (_sole(selection),) and after.validation_rms <= min(CHANGED, before.validation_rms):
         return True
     error = left if len(effects) == 1 else shown
     # A law with many valleys imitates much, and holds exactly where it acts.
@@ -188,6 +190,12 @@ def _explanation(selection: Selection[Explained], seen_at_rest: tuple[str, ...])
     near = error(after) <= (LEFT_BY_ONE if alone and not exact else LEFT)
     near = near and max(after.train_rms, after.validation_rms) <= CHANGED
     return near and explained(before, after, PART) and _fitted_too(before, after)
+
+
+def _sole(selection: Selection[Explained]) -> str | None:
+    """The one effect that describes the moves that were fitted, where impurities leave more, and none else does."""
+    trials = {trial.model.fitted.model.effects[-1].name: trial for trial in selection.tried}
+    return sole_fit(selection.before, trials, SMALL)
 
 
 def _alone(selection: Selection[Explained]) -> bool:

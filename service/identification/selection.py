@@ -32,6 +32,10 @@ before all (chosen)."""
 EXPLAINED = 0.9
 """Share of the excess variance, all but an order of magnitude, that one effect explains by itself; several that still
 leave something are how a library imitates what it does not have (chosen)."""
+PART = 0.5
+"""Share of the excess variance that has to be explained for a name: less is a part of something else (chosen)."""
+LEFT_BY_CLEAN = 1.25
+"""RMS over what is expected up to which what is left may be next to nothing (chosen)."""
 MAX_EFFECTS = 4
 
 ModelT = TypeVar("ModelT")
@@ -122,6 +126,20 @@ def imitated(present: Trial[ModelT], trials: Mapping[str, Trial[ModelT]], neares
     return everything or any(distance(t) < FAR_NEARER * distance(nearest) for t in beyond)
 
 
+def sole_fit(present: Trial[ModelT], trials: Mapping[str, Trial[ModelT]], least: float) -> str | None:
+    """The one effect that explains nearly all that shows in the moves that were fitted, more than `least`, and leaves
+    next to nothing there, where no other explains a part of it: numbers that these moves do not tell may spoil what it
+    says of others, but there is no doubt which it is."""
+    if present.train_rms <= least:
+        return None
+    part = [n for n, t in trials.items() if gone(present.train_rms, t.train_rms, PART)]
+    if len(part) != 1:
+        return None
+    only = trials[part[0]]
+    whole = gone(present.train_rms, only.train_rms, EXPLAINED) and only.train_rms <= LEFT_BY_CLEAN
+    return part[0] if whole else None
+
+
 def gain_p_value(before: Trial[ModelT], after: Trial[ModelT]) -> float:
     """Probability of such a gain by chance over the held-out blocks, one-sided.
 
@@ -157,6 +175,7 @@ class Limits:
     further : the same two for every effect after the first, where what is left may be the fit's own imperfection; with
         it the search ends with an effect that is ``explained`` by itself and leaves no more than ``last``, and where no
         ``most`` effects can explain everything
+    sole : RMS in the moves that were fitted from which on the ``sole_fit`` need remove no material share
     """
 
     material: float = MATERIAL
@@ -164,6 +183,7 @@ class Limits:
     further: tuple[float, float] | None = None
     last: float = np.inf
     most: int = MAX_EFFECTS
+    sole: float = np.inf
 
     def of_next(self, taken: Sequence[str]) -> tuple[float, float]:
         """``material`` and ``enough`` for the effect after those that were taken."""
@@ -229,7 +249,11 @@ def select(
         first, tried = (first, tried) if taken else (present, tuple(trials.values()))
         if missing(present) <= enough:
             break
-        judged = {n: _judge(n, present, trial, len(trials), material) for n, trial in trials.items()}
+        sole = sole_fit(present, trials, limits.sole)
+        judged = {
+            n: _judge(n, present, trial, len(trials), 0.0 if n == sole else material)
+            for n, trial in trials.items()
+        }
         accepted = [name for name, candidate in judged.items() if candidate.accepted]
         passed = _without_containing(accepted, trials, contains, limits.of_containing)
         log = [candidate for candidate in log if candidate.effect not in judged]

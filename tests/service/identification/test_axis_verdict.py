@@ -351,3 +351,20 @@ def test_a_model_whose_channels_have_to_be_apart_in_time_is_not_sound_however_li
     """A friction stage that creeps under the force of the step was taken for a clock that is 150 µs late."""
     monkeypatch.setattr(axis_verdict, "apart_in_time", lambda _fitted, _axis: offset)
     assert axis_verdict.finding_of(Selection(trial(1.03, 1.2), trial(1.03, 1.2), (), (), ()))[0] == found
+
+
+@pytest.mark.parametrize(
+    ("other", "held_out", "found"), [(1.74, 1.84, "effect"), (1.3, 1.84, "unknown"), (1.74, 2.0, "unknown")]
+)
+def test_what_alone_describes_the_moves_that_were_fitted_is_named_if_it_predicts_the_others_no_worse(
+    monkeypatch: pytest.MonkeyPatch, other: float, held_out: float, found: str
+) -> None:
+    monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: (130e-6, 1e-7))
+    monkeypatch.setattr(axis_verdict, "deviations", numbers)
+    tried = []
+    for name, train in (("curved_friction", 1.02), ("sensor_gain", other)):
+        one = trial(train, held_out)
+        one.model.fitted.model.effects = (SimpleNamespace(name=name),)
+        tried.append(one)
+    selection = Selection(trial(1.76, 1.95), tried[0], ("curved_friction",), (), (), tuple(tried))
+    assert axis_verdict.finding_of(selection)[0] == found

@@ -10,7 +10,7 @@ import pytest
 from service.dynamics.effects.driven_library import DRIVEN
 from service.identification.explanation import Explanation
 from service.identification.regression_effects import play
-from service.identification.selection import Limits, Trial, gain_p_value, select
+from service.identification.selection import Limits, Trial, gain_p_value, select, sole_fit
 
 
 def trial(rms: float, seed: int, noise: float = 0.0) -> Trial[str]:
@@ -218,3 +218,34 @@ def test_what_explains_nearly_all_as_no_such_effect_does_leaves_no_name_to_what_
     }
     found = select(trial(2.0, 0), lambda _p, done: {} if done else trials, limits=Limits(0.1, 1.25))
     assert found.effects == taken
+
+
+@pytest.mark.parametrize(
+    ("before", "first", "second", "only"),
+    [
+        (1.8, 1.02, 1.75, "first"),
+        (1.8, 1.02, 1.40, None),  # the second explains a part
+        (1.8, 1.15, 1.75, None),  # not nearly all
+        (5.0, 1.40, 4.90, None),  # leaves too much
+        (1.5, 1.02, 1.45, None),  # impurities leave as much
+    ],
+)
+def test_one_that_alone_describes_what_was_fitted_need_not_gain_much_elsewhere(
+    before: float, first: float, second: float, only: str | None
+) -> None:
+    """Flanks that stiffen strongly left 1.02 of 1.76, and of harder moves 1.84 of 1.95."""
+    present = replace(trial(1.95, 0), train_rms=before)
+    trials = {
+        "first": replace(trial(1.84, 0), train_rms=first),
+        "second": replace(trial(1.93, 0), train_rms=second),
+    }
+    assert sole_fit(present, trials, 1.6) == only
+    found = select(
+        present, lambda _present, taken: {} if taken else trials, limits=Limits(0.1, most=1, sole=1.6)
+    )
+    assert found.effects == (("first",) if only else ())
+    worse = trials | {"first": replace(trial(1.96, 0), train_rms=first)}
+    found = select(
+        present, lambda _present, taken: {} if taken else worse, limits=Limits(0.1, most=1, sole=1.6)
+    )
+    assert found.effects == (), "not if it harms what was not fitted"
