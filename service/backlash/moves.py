@@ -365,8 +365,7 @@ def with_reconstructed_motion(
 
     With `follow` that motion goes on following the force.
     """
-    free = model.values(shared[None])
-    values, lags = model.complete(free), model.lags({name: float(value[0]) for name, value in free.items()})
+    values, lags = model.complete(model.values(shared[None])), model.lags(model.numbers(shared))
     kept = 0.0 if moves.reference is None else KEPT
     motions, echoes = [], []
     for x, axis in enumerate(moves.axes):

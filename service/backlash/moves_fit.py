@@ -119,7 +119,7 @@ class Fitted:
 
 def values_at(found: Fitted) -> dict[str, float]:
     """The fitted values by name."""
-    return {name: float(value[0]) for name, value in found.model.values(found.at.shared[None]).items()}
+    return found.model.numbers(found.at.shared)
 
 
 def width(model: Model) -> int:
@@ -300,7 +300,7 @@ def rests_found(
 ) -> Point:
     """The point with each move's resting place chosen among a few by its own residuals."""
     local = []
-    values = {name: float(value[0]) for name, value in model.values(at.shared[None]).items()}
+    values = model.numbers(at.shared)
     for part, own in zip(moves, at.local, strict=True):
         rests = [rest for effect in model.effects for rest in effect.rests(values)]
         lying = [own, *(at_rest(own, model, rest) for rest in rests)]

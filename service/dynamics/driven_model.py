@@ -80,6 +80,10 @@ class Model(Structure):
         columns = np.ascontiguousarray(self.scales.values(shared).T)
         return {p.name: column for p, column in zip(self.parameters, columns, strict=True)}
 
+    def numbers(self, shared: FloatArray) -> dict[str, float]:
+        """The same of one point (P,)."""
+        return {name: float(value[0]) for name, value in self.values(shared[None]).items()}
+
     @cached_property
     def nuisance(self) -> tuple[Parameter, ...]:
         """Coordinates of every step that the effects add to the load's own position and speed."""

@@ -128,9 +128,9 @@ def imitated(present: Trial[ModelT], trials: Mapping[str, Trial[ModelT]], neares
 
 def sole_fit(present: Trial[ModelT], trials: Mapping[str, Trial[ModelT]], least: float) -> str | None:
     """The one effect that explains nearly all that shows in the moves that were fitted, more than `least`, and leaves
-    next to nothing there, where no other explains a part of it: numbers that these moves do not tell may spoil what it
-    says of others, but there is no doubt which it is."""
-    if present.train_rms <= least:
+    next to nothing there, where others were tried and none explains a part of it: numbers that these moves do not tell
+    may spoil what it says of others, but there is no doubt which it is."""
+    if present.train_rms <= least or len(trials) < 2:
         return None
     part = [n for n, t in trials.items() if gone(present.train_rms, t.train_rms, PART)]
     if len(part) != 1:
@@ -249,11 +249,7 @@ def select(
         first, tried = (first, tried) if taken else (present, tuple(trials.values()))
         if missing(present) <= enough:
             break
-        sole = sole_fit(present, trials, limits.sole)
-        judged = {
-            n: _judge(n, present, trial, len(trials), 0.0 if n == sole else material)
-            for n, trial in trials.items()
-        }
+        judged = _judged(present, trials, material, limits.sole)
         accepted = [name for name, candidate in judged.items() if candidate.accepted]
         passed = _without_containing(accepted, trials, contains, limits.of_containing)
         log = [candidate for candidate in log if candidate.effect not in judged]
@@ -325,6 +321,17 @@ def _only(best: str, candidate: Candidate) -> Candidate:
         return candidate
     why = f"significant, but {best} explains more"
     return Candidate(candidate.effect, candidate.validation_rms, candidate.p_value, False, why)
+
+
+def _judged(
+    present: Trial[ModelT], trials: Mapping[str, Trial[ModelT]], material: float, sole: float
+) -> dict[str, Candidate]:
+    """All candidates of a round; the ``sole_fit`` has only to gain at all."""
+    only = sole_fit(present, trials, sole)
+    return {
+        name: _judge(name, present, trial, len(trials), 0.0 if name == only else material)
+        for name, trial in trials.items()
+    }
 
 
 def _judge(name: str, before: Trial[ModelT], after: Trial[ModelT], tried: int, share: float) -> Candidate:

@@ -6,14 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from service.backlash.moves import (
-    moves_of,
-)
+from service.backlash.moves import moves_of
 from service.backlash.moves_begun import point_at
-from service.backlash.moves_fit import (
-    Fitted,
-    fit,
-)
+from service.backlash.moves_fit import Fitted, fit
 from service.captures import read_capture
 from service.dynamics.driven_model import Model
 from service.identification.scene import ChannelTolerance, as_effects, estimator_alone

@@ -8,16 +8,9 @@ import numpy as np
 import pytest
 
 from service.backlash.moves_begun import point_at, shared_at
-from service.backlash.moves_fit import (
-    Fitted,
-    fit,
-    values_at,
-)
+from service.backlash.moves_fit import Fitted, fit, values_at
 from service.dynamics.driven_model import Model
-from service.dynamics.effects.driven_transmission import (
-    DrivenBentContact,
-    DrivenLocalBacklash,
-)
+from service.dynamics.effects.driven_transmission import DrivenBentContact, DrivenLocalBacklash
 from service.identification.axis_numbers import apart_in_time, backlash_of, clearance_beside, unseen_depth
 from tests.service.identification.with_a_clearance import with_a_clearance
 

@@ -8,19 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from service.backlash.moves import (
-    REST_SPREAD,
-    Moves,
-    early_part,
-    moves_of,
-)
-from service.backlash.moves_fit import (
-    Fitted,
-    Point,
-    fit,
-    reconstructed,
-    rests_found,
-)
+from service.backlash.moves import REST_SPREAD, Moves, early_part, moves_of
+from service.backlash.moves_fit import Fitted, Point, fit, reconstructed, rests_found
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_sensors import DrivenBias
 from service.identification.held_out import IN_THE_GAP, TURNS, held_out, rms, told_by_train

@@ -240,6 +240,7 @@ def test_one_that_alone_describes_what_was_fitted_need_not_gain_much_elsewhere(
         "second": replace(trial(1.93, 0), train_rms=second),
     }
     assert sole_fit(present, trials, 1.6) == only
+    assert sole_fit(present, {"first": trials["first"]}, 1.6) is None, "nothing else was tried"
     found = select(
         present, lambda _present, taken: {} if taken else trials, limits=Limits(0.1, most=1, sole=1.6)
     )

@@ -5,15 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 from service.backlash.moves_begun import point_at
-from service.backlash.moves_fit import (
-    Fitted,
-    Point,
-    values_at,
-)
+from service.backlash.moves_fit import Fitted, Point, values_at
 from service.dynamics.driven_model import Model
-from service.dynamics.effects.driven_transmission import (
-    DrivenClearance,
-)
+from service.dynamics.effects.driven_transmission import DrivenClearance
 
 
 def with_a_clearance(found: Fitted, clearance: float) -> tuple[Model, Point]:
