@@ -74,7 +74,7 @@ def evidence_of(
         after = selection.after.model.held
         lines.append(
             f"residual with {' and '.join(selection.effects)}: {rms(after.errors[:, axis]) * noise:.4g} m/s²; "
-            f"{announced(after, axis) * noise:.4g} is to be expected of the right model, by the noise of both sensors "
+            f"{after.announced(axis) * noise:.4g} is to be expected of the right model, by the noise of both sensors "
             "and by what the moves that were fitted do not tell of its numbers"
         )
     both = clearance_beside(selection.after.model.fitted, axis)
@@ -122,13 +122,6 @@ def in_time(errors: FloatArray, direction: FloatArray) -> tuple[str, ...]:
         f"it changes steadily along the recording, to {ratio:.2g} times: what drifts (a clock, heat) or dies away "
         "would do so",
     )
-
-
-def announced(held: Held, axis: int) -> float:
-    """RMS over the sensor's noise that is expected of the errors in the held-out moves of an axis if the model is
-    right: the noise of the motor's speed moves the load, too, and numbers are known as well as the moves tell them."""
-    expected = held.moves.expected[:, axis] * np.hypot(1.0, held.doubted[:, axis])
-    return rms(np.where(held.moves.used[:, axis], expected, np.nan))
 
 
 def strongest_frequency(errors: FloatArray, h: float) -> float:

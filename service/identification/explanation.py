@@ -59,7 +59,8 @@ class ErrorReport:
 
     ``normalised_rms`` is validation_rms over the RMS of the measured signal, ``whiteness`` the lag-one
     autocorrelation of the held-out residual (0 is white). ``backlash`` [m] and its interval are None where
-    the recording holds no diagnostic moves.
+    the recording holds no diagnostic moves. ``expected_rms`` is the validation_rms of a right model, by the noise of
+    all channels and by what the fitted recording does not tell of its numbers; None where that is not known.
     """
 
     train_rms: float
@@ -68,6 +69,7 @@ class ErrorReport:
     whiteness: float
     backlash: float | None = None
     interval_95: tuple[float, float] | None = None
+    expected_rms: float | None = None
 
 
 @dataclass(frozen=True)
@@ -149,6 +151,7 @@ def _error_json(report: ErrorReport) -> dict[str, Any]:
     return {
         "train_rms": _number(report.train_rms),
         "validation_rms": _number(report.validation_rms),
+        "expected_rms": _number(report.expected_rms),
         "normalised_rms": _number(report.normalised_rms),
         "whiteness": _number(report.whiteness),
         "backlash_m": _number(report.backlash),

@@ -87,6 +87,12 @@ class Held:
         """Geometric mean of what the doubts add to the standard deviation that is expected."""
         return float(np.exp(np.mean(np.log(np.hypot(1.0, self.doubted[self.moves.used])))))
 
+    def announced(self, axis: int) -> float:
+        """RMS over the sensor's noise that is expected of an axis' errors if the model is right: the noise of the
+        motor's speed moves the load, too, and numbers are known as well as the moves tell them."""
+        expected = self.moves.expected[:, axis] * np.hypot(1.0, self.doubted[:, axis])
+        return rms(np.where(self.moves.used[:, axis], expected, np.nan))
+
 
 @dataclass(frozen=True)
 class Explained:

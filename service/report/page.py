@@ -106,6 +106,7 @@ def _before_and_after(axis: Finding) -> str:
             "the same over the sensor's noise",
             *(_ratio(one["validation_rms"], noise) for one in (before, after)),
         ),
+        ("expected if the model is right", *(_number(one.get("expected_rms")) for one in (before, after))),
         ("the same over the signal", *(_percent(one.get("normalised_rms")) for one in (before, after))),
         ("Error on the run that was fitted (RMS)", *(_number(one["train_rms"]) for one in (before, after))),
         (

@@ -17,8 +17,8 @@ def row(planted: str, first: str, rivals: list[list[str]] | None = None, name: s
     """A record of one pair."""
     return {
         "name": name, "source": "s", "planted": planted, "answer": first, "first": first, "rivals": rivals or [],
-        "ratio_before": 2.0, "ratio_after": 1.0, "before_um": 3.0, "after_um": 0.1, "axes": 1, "cpu_s": 9.0,
-        "peak_mb": 300.0, "backlash_um": 30.0,
+        "ratio_before": 2.0, "ratio_after": 1.5, "ratio_expected": 1.2, "before_um": 3.0, "after_um": 0.1, "axes": 1,
+        "cpu_s": 9.0, "peak_mb": 300.0, "backlash_um": 30.0,
     }  # fmt: skip
 
 
@@ -74,7 +74,8 @@ def test_the_rates_are_of_the_three_kinds_of_machines(capsys: pytest.CaptureFixt
     assert "in the library: right name     1 of 2, 50.0%" in printed
     assert "outside of it: unknown         1 of 1, 100.0%" in printed
     assert "clean: nothing found           2 of 3, 66.7%" in printed
-    assert "held-out RMS         1 of 1 at most 1.3" in printed
+    assert "held-out RMS         0 of 1 at most 1.3 of the noise" in printed
+    assert "1 of 1 at most 1.3 of what is expected of the right model" in printed
     assert "backlash after               1 of 1 corrected" in printed
     assert "1 axes: CPU time median 9 s" in printed
 

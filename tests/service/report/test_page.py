@@ -36,6 +36,7 @@ def test_the_page_tells_the_error_before_and_after() -> None:
     written = page("sensor_latency")
     assert "80.00 µm" in written
     assert "57.00 µm" in written
+    assert re.search(r"expected if the model is right</td><td[^>]*>0.0321</td>", written)
     assert effect_words("sensor_latency").check in written
     assert "What was tried" in written
 

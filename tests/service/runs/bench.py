@@ -93,7 +93,7 @@ def _axis(
     axis: str, finding: Any, effects: tuple[str, ...], train: Recording, validate: Recording
 ) -> AxisExplanation:
     wrong = WRONG_B if train.note else TRUE_B
-    before = ErrorReport(0.09, 0.1, 0.1, 0.9, wrong, (wrong - 1e-6, wrong + 1e-6))
+    before = ErrorReport(0.09, 0.1, 0.1, 0.9, wrong, (wrong - 1e-6, wrong + 1e-6), 0.0321)
     after = ErrorReport(0.03, 0.031, 0.03, 0.1, TRUE_B, (TRUE_B - 1e-6, TRUE_B + 1e-6)) if effects else before
     trace = validate.traces[axis, "acceleration"]
     moving = (trace.time >= 0.35) & (trace.time < 0.95)
