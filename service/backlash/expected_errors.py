@@ -16,7 +16,8 @@ from dataclasses import replace
 import numpy as np
 
 from service.backlash.model_fit_input_noise import errors_of_samples
-from service.backlash.moves import Moves, Wander, motor_coefficients, sample_noise, simulated
+from service.backlash.moves import Moves, Wander, motor_coefficients, simulated
+from service.backlash.rest_noise import sample_noise
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_bodies import WANDERING
 from service.recording import FloatArray
@@ -71,7 +72,7 @@ def expected_errors(
     beside = 1.0 + off(c + doubted)[0] ** 2
     if len(moves.axes) == 2 and model.bridge and not fitted:
         wander = np.zeros_like(c)
-        wander[:, :, :, 1, 0] = WANDERING
+        wander[:, :, :, 1, 0] = moves.apart * WANDERING
         beside += off(c + wander)[0] ** 2
     by_sample = []
     for x, skew in enumerate(skews):

@@ -11,8 +11,9 @@ from scipy.interpolate import PPoly
 from service.backlash.contact_steps import REST_BEFORE
 from service.backlash.equivalent_time import interleaved
 from service.backlash.model_fit_problem import Fit, Problem
+from service.backlash.set_points import motors_of
 from service.dynamics.driven_model import LINKS, Model
-from service.dynamics.driven_motion import StepGrid, on_grid, plain_motion, sample_period
+from service.dynamics.driven_motion import StepGrid, on_grid, sample_period
 from service.dynamics.driven_reconstruction import (
     Balance,
     Load,
@@ -45,6 +46,10 @@ with it, faster by √(1 + M over its inertia), some 0.23 of the rate: there a c
 a resonance answers with some 6 %; at 0.36, 180 Hz at 500 Hz, it loses 10 %."""
 
 
+LOCAL_SPREAD = np.array([1e-5, 1e-2])
+"""Prior of the load's position [m] and speed [m/s] at the start of the simulated part, against the flank: the
+contact still swings from the first crossing of the gap."""
+
 KEPT = 0.3
 """Share of the motion so far that a further reconstruction keeps. Force and motion answer each other, near the
 resonance of the load on the held motor with opposite sign: all of it at once swings."""
@@ -53,7 +58,8 @@ resonance of the load on the held motor with opposite sign: all of it at once sw
 @dataclass(frozen=True)
 class Measured:
     """What one fit needs of the recording: (X,) noise, (T,) grids, and (T, X) the motors' motion to begin with;
-    `closer` is the recording with what moves alike say of a single axis' drive between its samples."""
+    `closer` is the recording with what moves alike say of a single axis' drive between its samples; `off` by how much a
+    motor may be off its position within a move [m]."""
 
     recording: Recording
     closer: Recording
@@ -61,6 +67,12 @@ class Measured:
     noise: FloatArray
     grids: tuple[StepGrid, ...]
     motion: tuple[tuple[PPoly, ...], ...]
+    off: float
+
+    @property
+    def local_spread(self) -> FloatArray:
+        """Prior of the nuisance coordinates of each step and axis (L,): the load's, and of a gantry its motor's."""
+        return LOCAL_SPREAD if len(self.axes) == 1 else np.append(LOCAL_SPREAD, self.off)
 
 
 def rests(trace: Trace, moves: Sequence[Move]) -> list[FloatArray]:
@@ -129,13 +141,13 @@ def measure(recording: Recording, axes: Sequence[str], steps: Sequence[int]) -> 
     bias = np.array([bias_at_rest(trace, recording.moves) for trace in traces])
     noise = np.array([noise_at_rest(trace, recording.moves) for trace in traces])
     closer = with_interleaved_drive(recording, axes[0]) if len(axes) == 1 else recording
-    plain = tuple(plain_motion(closer.traces[a, "motor_speed"], closer.axis(a).transmission) for a in axes)
+    plain, off = motors_of(closer, axes)
     grids = [step_grid(recording, axes, i, h, plain, bias) for i in steps]
     K = min(g.measured.shape[1] for g in grids)
     cut = tuple(replace(g, measured=g.measured[:, :K], used=g.used[:, :K]) for g in grids)
     # A gantry's motors also feel the bridge, which no sensor shows.
     motion = [(m,) for m in begun(closer, axes[0], cut, plain[0])] if len(axes) == 1 else [plain] * len(cut)
-    return Measured(recording, closer, tuple(axes), noise, cut, tuple(motion))
+    return Measured(recording, closer, tuple(axes), noise, cut, tuple(motion), float(off.max()))
 
 
 def with_interleaved_drive(recording: Recording, axis: str) -> Recording:
@@ -160,10 +172,10 @@ def begun(recording: Recording, axis: str, grids: Sequence[StepGrid], plain: PPo
     return reconstructed(recording, axis, loads, [plain] * len(loads), 0.0)[0]
 
 
-def problem_of(measured: Measured, model: Model, local_spread: FloatArray) -> Problem:
+def problem_of(measured: Measured, model: Model) -> Problem:
     """The problem with everything free and the motors' motion as before any fit."""
     free = (True,) * len(model.parameters)
-    return Problem(model, measured.grids, measured.motion, measured.noise, local_spread, free)
+    return Problem(model, measured.grids, measured.motion, measured.noise, measured.local_spread, free)
 
 
 def with_reconstructed_motion(

@@ -34,7 +34,6 @@ from service.backlash.model_fit_stages import (
     Staged,
     differently_shared,
     following_force,
-    local_spread,
     lowest,
     passes,
     settled,
@@ -116,7 +115,7 @@ STILL = 0.03
 def gantry_fit(measured: Measured, effort: Effort) -> Staged:
     """All stages, and once more from other random machines where the fit is poor, already of a few steps, and these
     come nearer along the measured motion: if they do not, what is left is not the search's fault."""
-    few = problem_of(measured, Model(measured.axes, 1), local_spread(Model(measured.axes, 1)))
+    few = problem_of(measured, Model(measured.axes, 1))
     few = few.first_steps(SEARCH_STEPS).along_measured()
     balanced = balanced_fits(few, effort)
     found = simulated_from(measured, few, balanced, effort)
@@ -143,14 +142,14 @@ def explained_closely(recording: Recording, axes: tuple[str, ...]) -> float:
 def few_steps(recording: Recording, axes: tuple[str, ...]) -> tuple[Measured, Problem]:
     """The first steps of a recording, and the problem of them along the loads' measured motion."""
     measured, model = measure(recording, axes, range(min(SEARCH_STEPS, len(recording.moves)))), Model(axes, 1)
-    return measured, problem_of(measured, model, local_spread(model)).along_measured()
+    return measured, problem_of(measured, model).along_measured()
 
 
 def simulated_from(measured: Measured, few: Problem, balanced: list[Fit], effort: Effort) -> Staged:
     """The stages that simulate, from what was found along the measured motion."""
     starts = starts_of(measured, few, balanced, effort)
     motors: Reconstruction = with_reconstructed_motion
-    heavy = problem_of(measured, Model(measured.axes, 2), local_spread(Model(measured.axes, 2)))
+    heavy = problem_of(measured, Model(measured.axes, 2))
     ends = carried(measured, heavy, starts, effort.heavier, motors)
     ends += alike(measured, ends, effort.heavier, motors)
     found = lowest(ends)

@@ -16,7 +16,7 @@ from scipy.interpolate import CubicSpline
 from service.backlash.model_fit_data import Measured
 from service.backlash.model_fit_problem import Point, Problem, course_at
 from service.backlash.model_fit_stages import Outcome
-from service.backlash.moves import sample_noise
+from service.backlash.rest_noise import sample_noise
 from service.dynamics.driven_motion import between
 from service.recording import FloatArray
 

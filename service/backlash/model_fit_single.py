@@ -22,7 +22,6 @@ from service.backlash.model_fit_stages import (
     Staged,
     following_force,
     from_starts,
-    local_spread,
     lowest,
     passes,
     refined,
@@ -55,7 +54,7 @@ FOLLOWING = (5, 4, 4, 4, 4, 4)
 def single_fit(measured: Measured, guesses: dict[str, Guess], effort: Effort) -> Staged:
     """All stages of a single axis."""
     model = Model(measured.axes, 2)
-    problem = problem_of(measured, model, local_spread(model))
+    problem = problem_of(measured, model)
     starts = from_starts(measured, problem, guesses, effort)
     if starts[0].fit.misfit > NOWHERE:
         return from_nowhere(measured, problem, starts, searched_again(measured, problem, guesses), effort)

@@ -18,16 +18,6 @@ from service.backlash.model_fit_start import SEARCH_STEPS, Guess, best_starts, c
 from service.dynamics.driven_model import LINKS, Model
 from service.recording import FloatArray
 
-LOCAL_SPREAD = np.array([1e-5, 1e-2])
-"""Prior of the load's position [m] and speed [m/s] at the start of the simulated part, against the flank: the
-contact still swings from the first crossing of the gap."""
-
-WANDERING = 1e-6
-"""Prior of a gantry motor's position [m] against its integrated speed. Chosen: 5 s of 1 kHz samples with a noise and a
-resolution of 0.05 rpm each wander by 0.5 µm, and the impacts between the samples add as much; a bridge of
-4e5 1/s² makes 0.4 m/s² of it."""
-
-
 HOPELESS = 1e5
 """Misfit from which on a start is given up: hundreds of times the noise, the motor's force means nothing."""
 
@@ -217,7 +207,7 @@ def from_lighter_chain(
     measured: Measured, problem: Problem, guesses: dict[str, Guess], effort: Effort
 ) -> Point:
     """A start from the chain with one lump, which has fewer minima: its drive split into gear and pinion."""
-    light = problem_of(measured, replace(problem.model, lumps=1), problem.local_spread)
+    light = problem_of(measured, replace(problem.model, lumps=1))
     few = light.first_steps(SEARCH_STEPS)
     points = best_starts(light, candidates(light, guesses, effort.candidates, effort.seed), 2)
     fits = [fit(few, Point(p.shared, p.local[:SEARCH_STEPS]), effort.rounds[0], 1.0) for p in points]
@@ -248,11 +238,6 @@ def sound_drives(model: Model, shared: FloatArray) -> FloatArray:
     return np.where(drives, np.clip(shared, -SOUND, SOUND), shared)
 
 
-def local_spread(model: Model) -> FloatArray:
-    """Prior of the nuisance coordinates of each step and axis (L,)."""
-    return LOCAL_SPREAD if len(model.axes) == 1 else np.append(LOCAL_SPREAD, WANDERING)
-
-
 def repeated(problem: Problem, local: FloatArray) -> FloatArray:
     """Nuisance of all steps (T, X, L) from those of the first few: steps repeat, but for their direction."""
     s = problem.s[:, None, None]
@@ -262,7 +247,7 @@ def repeated(problem: Problem, local: FloatArray) -> FloatArray:
 
 def staged_fit(measured: Measured, model: Model, guesses: dict[str, Guess], effort: Effort) -> Staged:
     """All stages for one structure."""
-    problem = problem_of(measured, model, local_spread(model))
+    problem = problem_of(measured, model)
     starts = from_starts(measured, problem, guesses, effort)
     return refined(measured, problem, starts, effort)
 

@@ -13,10 +13,11 @@ from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import PPoly
-from scipy.stats import norm
 
 from service.backlash.alike_moves import averaged as averaged_over
 from service.backlash.model_fit_data import KEPT, acceleration_of, bias_at_rest, reconstructed
+from service.backlash.rest_noise import noise_at_rest, sample_noise
+from service.backlash.set_points import motors_of
 from service.backlash.signals import summed
 from service.dynamics.driven import Course, course_of
 from service.dynamics.driven_model import Model, Values
@@ -24,10 +25,10 @@ from service.dynamics.driven_motion import (
     StepGrid,
     of_motors,
     on_grid,
-    plain_motion,
     sample_period,
 )
 from service.dynamics.driven_reconstruction import Balance, Echo, Load, answered, echo, window
+from service.dynamics.effects.driven_bodies import WANDER, WANDERING
 from service.recording import FloatArray, Recording, Trace
 
 LEAD = 0.002
@@ -37,8 +38,6 @@ TAIL = 0.03
 """How much after its end a move is fitted [s]. There the load stops, and how friction turns over tells its Coulomb part
 from its viscous part, which slides at one speed while the gap is crossed. Chosen: the drive stops some ms late, and the
 load swings out in a few periods of its contact."""
-SMALLEST_DIGIT = 0.29
-"""Standard deviation of rounding, in digits: 1/√12."""
 STILL = 1.5
 """Spread of the sensor's samples in a rest, over their noise, from which on something swings there."""
 REST_SPREAD = np.array([6e-5, 5e-4])
@@ -114,6 +113,7 @@ class Moves:
     swings : what still swings at the beginning of each move, if the move before left it; none: not known
     wander, white : how what is expected divides, and whether residuals are whitened by it
     lasting : how long residuals of acceleration are summed up to those of speed [s]; 0: they are compared themselves
+    apart : how far a gantry's motors may be apart beyond their positions, over the prior's width
     """
 
     recording: Recording
@@ -132,6 +132,7 @@ class Moves:
     wander: Wander | None = None
     white: bool = False
     lasting: float = 0.0
+    apart: float = 1.0
 
     @property
     def h(self) -> float:
@@ -166,20 +167,6 @@ class Moves:
         return np.stack([grid.measured for grid in self.grids])
 
 
-def noise_at_rest(trace: Trace, recording: Recording) -> float:
-    """Standard deviation of one sample at rest, in the trace's unit, from the median size of fourth differences, in
-    which neither a swing of the machine nor a few impacts count; the median over the rests, so that one disturbed rest
-    does not."""
-    spreads = []
-    for move in recording.moves:
-        part = trace.between(move.start - 0.15, move.start - 0.002).value
-        if len(part) > 30:
-            fourth = np.diff(part, n=4) / np.sqrt(70.0)
-            typical = float(np.median(np.abs(fourth))) / norm.ppf(0.75)
-            spreads.append(typical or float(np.sqrt(np.mean(fourth**2))))
-    return float(np.median(spreads))
-
-
 def sensor_zero(trace: Trace, recording: Recording, noise: float) -> float:
     """What the sensor says at rest [m/s²]. Where something swings in the rests, it is the mean of the whole recording:
     an axis that stands at its beginning and at its end has no mean acceleration."""
@@ -189,13 +176,6 @@ def sensor_zero(trace: Trace, recording: Recording, noise: float) -> float:
         return bias_at_rest(trace, recording.moves)
     length = float(trace.time[-1] - trace.time[0])
     return float(np.trapezoid(trace.value, trace.time)) / length
-
-
-def sample_noise(trace: Trace, recording: Recording) -> float:
-    """Standard deviation of one sample of a drive's channel, in its unit; at least that of its rounding."""
-    steps = np.diff(np.unique(trace.value))
-    digit = float(steps.min()) if len(steps) else 0.0
-    return max(noise_at_rest(trace, recording), SMALLEST_DIGIT * digit)
 
 
 def with_drives_averaged(
@@ -225,9 +205,7 @@ def moves_of(
     bias = np.array(
         [sensor_zero(trace, recording, float(sigma)) for trace, sigma in zip(traces, noise, strict=True)]
     )
-    plain = tuple(
-        plain_motion(recording.traces[a, "motor_speed"], recording.axis(a).transmission) for a in axes
-    )
+    plain, off = motors_of(recording, axes)
     K = int(np.ceil((max(m.duration for m in recording.moves) + LEAD + tail) / h)) + 1
     zero = float(traces[0].time[0])
     grids = []
@@ -239,7 +217,18 @@ def moves_of(
     motion = tuple(plain for _ in grids)
     expected = np.ones((len(grids), len(axes), K))
     rest = np.tile(bias, (len(grids), 1))
-    return Moves(recording, tuple(axes), noise, tuple(grids), plain, noise_left, motion, rest, expected)
+    return Moves(
+        recording,
+        tuple(axes),
+        noise,
+        tuple(grids),
+        plain,
+        noise_left,
+        motion,
+        rest,
+        expected,
+        apart=min(1.0, float(np.linalg.norm(off)) / WANDERING),
+    )
 
 
 def early_part(moves: Moves, share: float) -> Moves:
@@ -323,6 +312,7 @@ def simulated(moves: Moves, model: Model, shared: FloatArray, local: FloatArray,
     begun = left_over(moves, model, values)
     for k, p in enumerate(model.nuisance):
         width = moves.swings.width if moves.swings and p.name in begun else 1.0
+        width = moves.apart if p.name == WANDER else width
         nuisance[..., k] = p.value(width * local[..., 2 * X + k]) + begun.get(p.name, 0.0)
     return course_of(model, free, c, moves.s, load, moves.h, nuisance, moves.start)
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from service.backlash.moves import noise_at_rest
+from service.backlash.rest_noise import noise_at_rest
 from service.recording import Recording, Trace
 
 AFTER, BEFORE = 0.03, 0.005

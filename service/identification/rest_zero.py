@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from service.backlash.moves import noise_at_rest
+from service.backlash.rest_noise import noise_at_rest
 from service.identification.rest_spectrum import AFTER, BEFORE
 from service.recording import FloatArray, Recording, Trace
 

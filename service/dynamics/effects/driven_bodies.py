@@ -20,6 +20,8 @@ AUDIBLE = 0.1
 WANDERING = 1e-6
 """What integrated speeds are off from move to move [m], about: some seconds of 1 kHz samples with a noise and a
 resolution of 0.05 rpm each wander by half of it, and the impacts between the samples add as much."""
+WANDER = "wander"
+"""Its coordinate of a move."""
 
 
 def swing(prefix: str, largest: float) -> tuple[Parameter, ...]:
@@ -192,7 +194,7 @@ class MotorWander(DrivenEffect):
     name: ClassVar[str] = "motor_wander"
     means: ClassVar[str] = "integrated speeds wander from move to move"
     shared_nuisance: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("wander", "m", 0.0, WANDERING, logarithmic=False, found_again=True),
+        Parameter(WANDER, "m", 0.0, WANDERING, logarithmic=False, found_again=True),
     )
 
     def drive(self, c: FloatArray, case: Case) -> FloatArray:

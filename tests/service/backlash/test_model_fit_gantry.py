@@ -23,7 +23,6 @@ from service.backlash.model_fit_stages import (
     Outcome,
     backlashes,
     following_force,
-    local_spread,
     sound_drives,
     with_impurities,
 )
@@ -118,7 +117,7 @@ def light(every: int) -> tuple[Measured, Problem]:
     recording = recorded(simulated(axis, axis, k=2e7), axis.transmission, every)
     measured = measure(recording, ("X1", "X2"), range(2))
     model = Model(measured.axes, 1)
-    return measured, problem_of(measured, model, local_spread(model))
+    return measured, problem_of(measured, model)
 
 
 @pytest.mark.parametrize(("every", "echoes"), [(16, [2, 2]), (2, [])])
@@ -136,7 +135,7 @@ def test_a_drive_that_lost_its_mass_is_shared_out_to_lumps_that_can_be_simulated
     u = np.array([-4.0 if p.name.endswith("drive_mass") else 0.0 for p in problem.model.parameters])
     start = Outcome(problem, fit(problem, Point(u, np.zeros(problem.local_shape)), 0))
     model = Model(measured.axes, 2)
-    heavy = problem_of(measured, model, local_spread(model))
+    heavy = problem_of(measured, model)
     assert with_gear_and_pinion(measured, heavy, start, (1,), following_force).fit.misfit < HOPELESS
 
 

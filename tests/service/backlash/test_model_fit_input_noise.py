@@ -15,7 +15,7 @@ from service.backlash.model_fit_problem import fit
 from service.backlash.model_fit_single import single_fit
 from service.backlash.model_fit_stages import backlashes, following_force
 from service.backlash.model_fit_start import closed_form
-from service.backlash.moves import sample_noise
+from service.backlash.rest_noise import sample_noise
 from service.captures import read_capture
 
 DRAWS = 12

@@ -9,7 +9,7 @@ import numpy as np
 from service.backlash.model_fit_data import Measured, measure, problem_of, with_reconstructed_motion
 from service.backlash.model_fit_onward import onward, with_forces_repeated
 from service.backlash.model_fit_problem import Point, Problem, course_at, fit
-from service.backlash.model_fit_stages import Outcome, local_spread
+from service.backlash.model_fit_stages import Outcome
 from service.dynamics.driven_model import Model
 from service.dynamics.parameters import AxisParameters
 from service.recording import FloatArray
@@ -24,7 +24,7 @@ def middle() -> tuple[Measured, Problem, FloatArray]:
     recording = recorded(simulated(axis, axis, k=2e7), axis.transmission)
     measured = measure(recording, ("X1", "X2"), range(STEPS))
     model = Model(measured.axes, 1)
-    problem = problem_of(measured, model, local_spread(model))
+    problem = problem_of(measured, model)
     return measured, problem, np.zeros(len(model.parameters))
 
 

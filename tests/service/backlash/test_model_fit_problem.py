@@ -8,7 +8,6 @@ import pytest
 from service.backlash import model_fit_problem
 from service.backlash.model_fit_data import measure, problem_of
 from service.backlash.model_fit_problem import LOOK, Point, fit
-from service.backlash.model_fit_stages import local_spread
 from service.dynamics.driven_model import Model
 from service.dynamics.parameters import AxisParameters
 from tests.service.backlash.gantry_run import recorded, simulated
@@ -18,7 +17,7 @@ def test_a_fit_that_is_dearer_than_the_best_after_a_look_is_given_up(monkeypatch
     axis, rounds = AxisParameters(), list[int]()
     measured = measure(recorded(simulated(axis, axis, k=2e7), axis.transmission), ("X1", "X2"), range(2))
     model = Model(measured.axes, 1)
-    problem = problem_of(measured, model, local_spread(model))
+    problem = problem_of(measured, model)
     start = Point(np.zeros(len(model.parameters)), np.zeros(problem.local_shape))
     tried = model_fit_problem.best_trial
 

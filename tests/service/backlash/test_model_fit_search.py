@@ -7,7 +7,7 @@ import pytest
 
 from service.backlash.model_fit_data import measure, problem_of
 from service.backlash.model_fit_gantry import LITTLE, balanced_fits
-from service.backlash.model_fit_stages import backlashes, local_spread
+from service.backlash.model_fit_stages import backlashes
 from service.dynamics.driven_model import Model
 from service.dynamics.parameters import AxisParameters, GantryParameters, Machine
 from service.dynamics.simulation import simulate, ten_steps
@@ -28,7 +28,7 @@ def test_gaps_are_found_from_nothing(first: float, second: float, k: float) -> N
     described = tuple(AxisDescription(name, axis.transmission) for name, axis in axes.items())
     recording = Recording("simulated", described, traces, run.moves, (("X1", "X2"),))
     model = Model(("X1", "X2"), 1)
-    few = problem_of(measure(recording, model.axes, range(4)), model, local_spread(model)).along_measured()
+    few = problem_of(measure(recording, model.axes, range(4)), model).along_measured()
     found = backlashes(few, balanced_fits(few, LITTLE)[0])
     assert abs(found[0] - first) < max(5e-6, 0.1 * first)
     assert abs(found[1] - second) < max(5e-6, 0.1 * second)

@@ -12,10 +12,8 @@ from service.backlash.moves import (
     Moves,
     early_part,
     moves_of,
-    noise_at_rest,
     predict,
     residuals,
-    sample_noise,
     sensor_zero,
 )
 from service.backlash.moves_fit import (
@@ -34,6 +32,7 @@ from service.backlash.moves_fit import (
     stopped,
     within,
 )
+from service.backlash.rest_noise import noise_at_rest, sample_noise
 from service.backlash.signals import summed
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_library import DRIVEN
