@@ -28,6 +28,7 @@ from service.identification.moves_starts import (
     likely,
     on_a_few_moves,
     on_typical_machine,
+    on_typical_machines,
     placed,
     softer_contact,
     speeds_first,
@@ -97,15 +98,20 @@ def compared(
     """The best fits of a few moves of every candidate, by name. All are begun; those that are not far off what is
     nearest, also of what is `known` by its RMS, or that may be the right ones, are looked at, and the nearest first, if
     they are not as near as a right one comes, a second time from more starts; once one explains nearly all, or what is
-    known does, only those that are about as near. Where the present fit describes the moves, it is no bad start, and no
-    other is tried; of many valleys the first look tells little even there. Where they are out of reach, the first look
-    is all; of further effects it is all of each that is hardly nearer than the present fit."""
+    known does, only those that are about as near. Where none is near, all are begun from afar, too. Where the present
+    fit describes the moves, it is no bad start, and no other is tried; of many valleys the first look tells little even
+    there. Where they are out of reach, the first look is all; of further effects it is all of each that is hardly
+    nearer than the present fit."""
     looks = {one.name: glimpsed(scene, found, one, known) for one in library}
     least = min([known, *map(nearest, looks.values())])
     far = AS_NEAR * known if gone(found.rms, known, EXPLAINED) else max(FAR_OFF * least, NEAR)
     hopeful = [one for one in library if nearest(looks[one.name]) < far]
     looks |= {one.name: looked_at(looks[one.name]) for one in hopeful}
     least = min([known, *map(nearest, looks.values())])
+    if not taken and least > NEAR:
+        looks |= {one.name: [*looks[one.name], *from_afar(found, one)] for one in library}
+        least = min([known, *map(nearest, looks.values())])
+        hopeful = [one for one in library if nearest(looks[one.name]) < max(FAR_OFF * least, NEAR)]
     out = {one.name: glanced(looks[one.name], found) for one in library}
     enough = enough_of_few(found, taken)
     if out_of_reach(least, found, taken) or least > enough:
@@ -144,6 +150,14 @@ def glimpsed(scene: Scene, found: Fitted, candidate: Candidate, known: float) ->
         *(fit(few, candidate.model, at, FROM_AFAR) for at in begun),
         *(speeds_first(few, candidate.model, at, SUMMED[0], FROM_AFAR) for at in swinging),
     ]
+
+
+def from_afar(found: Fitted, candidate: Candidate) -> list[Fitted]:
+    """Fits of a few moves from typical machines by the loads' speeds: what is missing has driven the present
+    machine, and all places, into another valley."""
+    few = fewer(found)
+    begun = [point_at(candidate.model, one, few) for one in on_typical_machines(candidate)]
+    return [speeds_first(few, candidate.model, at, SUMMED[0], FROM_AFAR) for at in begun]
 
 
 def looked_at(glimpses: Sequence[Fitted]) -> list[Fitted]:

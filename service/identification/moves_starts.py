@@ -159,6 +159,23 @@ def on_typical_machine(candidate: Candidate, shape: Values) -> Values:
     return {**{p.name: shape[p.name] for p in candidate.effect.parameters}, **strong}
 
 
+def on_typical_machines(candidate: Candidate) -> list[Values]:
+    """The effect on a typical machine in its first shape, or if it swings in all, as strong as it is where it is heard;
+    none of one with many valleys."""
+    effect = candidate.effect
+    if effect.many_valleys:
+        return []
+    if effect.free_swing is None:
+        return [on_typical_machine(candidate, effect.starts[0])]
+    return [{**shape, **full(effect, effect.free_swing[1])} for shape in effect.starts]
+
+
+def full(effect: DrivenEffect, short: Values) -> dict[str, float]:
+    """Values by their names without an axis' as those of all axes."""
+    names = (p.name for p in effect.parameters)
+    return {name: short[name.rpartition(".")[2]] for name in names if name.rpartition(".")[2] in short}
+
+
 def strong_either_way(found: Fitted, candidate: Candidate) -> list[Values]:
     """The present machine with one amount of the effect as strong as it may well be, in either sense, and none of the
     others. Where a load is pressed across its gap by a strong force, it moves otherwise than with a small dose of it,

@@ -77,6 +77,7 @@ def test_a_second_look_is_for_what_may_still_be_the_best(monkeypatch: Any) -> No
     valleys: set[str] = set()
     looked: list[str] = []
     again: list[str] = []
+    afar: list[str] = []
     second = 1.2
     fits = {name: [stub(rms, name)] for name, rms in (begun | nowhere).items()}
     monkeypatch.setattr(moves_looks, "glimpsed", lambda _s, _f, one, _known: fits[one.name])
@@ -88,6 +89,7 @@ def test_a_second_look_is_for_what_may_still_be_the_best(monkeypatch: Any) -> No
     monkeypatch.setattr(
         moves_looks, "second_look", lambda *args: again.append(args[-1].name) or [stub(second)]
     )
+    monkeypatch.setattr(moves_looks, "from_afar", lambda _found, one: afar.append(one.name) or [])
     monkeypatch.setattr(moves_looks, "grounds", lambda *_: [])
     monkeypatch.setattr(moves_looks, "best_looks", lambda looks, *_: sorted(looks, key=lambda one: one.rms))
     monkeypatch.setattr(moves_looks, "glanced", lambda looks, *_: looks)
@@ -119,12 +121,19 @@ def test_a_second_look_is_for_what_may_still_be_the_best(monkeypatch: Any) -> No
     second = 1.2
     compared(3.0, ("behind", "hopeful"))
     assert again == ["hopeful"], "one explains nearly all"
+    assert not afar, "as long as one is near"
     valleys.add("farther")
     assert compared(6.8, tuple(nowhere)) == {"far": [4.9], "farther": [5.9]}
     assert not again, "where they are out of reach, the first look is all"
     second = 3.5
     compared(9.0, tuple(nowhere))
     assert again == list(nowhere)
+    assert afar == [*nowhere, *nowhere]
+    monkeypatch.setattr(
+        moves_looks, "from_afar", lambda _found, one: [stub(1.5)] if one.name == "far" else []
+    )
+    assert compared(6.8, tuple(nowhere)) == {"far": [1.5, 3.5, 4.9], "farther": [5.9]}
+    assert again == ["far"], "what is near from there is looked at again"
 
 
 def test_of_further_effects_only_what_comes_nearer_than_the_present_fit_is_followed(monkeypatch: Any) -> None:

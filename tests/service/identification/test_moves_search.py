@@ -138,6 +138,23 @@ def test_what_swings_is_begun_on_a_typical_machine_as_strong_as_it_may_well_be()
     assert "X1.backlash" not in begun, "what is not given is typical"
 
 
+@pytest.mark.parametrize(
+    ("name", "starts"),
+    [("hung_mass_mode", 9), ("machine_body_mode", 9), ("gearbox_clearance", 0), ("sensor_bias", 1)],
+)
+def test_from_afar_what_swings_is_begun_in_all_its_shapes_on_a_typical_machine(
+    name: str, starts: int
+) -> None:
+    candidate = moves_starts.candidates(Model(("X1",), 2), [DRIVEN[name]], ())[0]
+    begun = moves_starts.on_typical_machines(candidate)
+    assert len(begun) == starts
+    own = {p.name for p in candidate.effect.parameters}
+    assert all(set(values) <= own for values in begun), "all else is typical"
+    swing = [(k, v) for values in begun for k, v in values.items() if k.endswith(("frequency", "_ratio"))]
+    assert len({v for k, v in swing if k.endswith("frequency")}) == (starts if starts > 1 else 0)
+    assert all(v > 0.0 for k, v in swing if not k.endswith("drive_ratio"))
+
+
 @pytest.mark.parametrize(("heard", "starts"), [(None, 0), (9.0, len(moves_starts.RUBBED))])
 def test_what_is_heard_is_begun_with_little_and_with_much_friction(heard: float | None, starts: int) -> None:
     """How a mass swings after a move depends on where the guide stopped it, so that each friction has a valley of its
