@@ -26,6 +26,7 @@ from service.identification.moves_starts import (
     grounds,
     heard_on_typical_machines,
     likely,
+    of_speed,
     on_a_few_moves,
     on_typical_machine,
     on_typical_machines,
@@ -42,8 +43,8 @@ from service.recording import FloatArray
 GLIMPSE, FROM_AFAR = 2, 10
 """Rounds after which a candidate is given up that is far off, and from a start that is far off itself."""
 PLACED = 3
-"""Shapes with which the numbers of an effect that swings are fitted alone: a spectrum of few periods has several
-maxima."""
+"""Shapes with which the numbers of an effect that swings are fitted alone, or that are followed from afar: a spectrum
+of few periods has several maxima."""
 HALVED = 3
 """How often the better half of the fits of what swings is continued."""
 APART = 0.5
@@ -54,6 +55,8 @@ fitted to all moves."""
 AS_NEAR = 4.0 / 3.0
 """How much farther from a few moves one may be and still be looked at again where the best explains nearly all
 (chosen)."""
+HOPES = 4
+"""How many effects are looked at again where none is near: hardly one of them is the right one (chosen)."""
 ENDED = 1.05
 """RMS up to which a fit need not be begun elsewhere."""
 VALLEYS = 4
@@ -117,6 +120,8 @@ def compared(
     if out_of_reach(least, found, taken) or least > enough:
         return out
     hopeful = [one for one in hopeful if nearest(looks[one.name]) < enough]
+    if least > NEAR:
+        hopeful = sorted(hopeful, key=lambda one: nearest(looks[one.name]))[:HOPES]
     split = [one for one in library if one.effect.many_valleys and one not in hopeful]
     places = grounds(scene, found)
     for one in sorted([*hopeful, *split], key=lambda one: nearest(looks[one.name])):
@@ -157,7 +162,9 @@ def from_afar(found: Fitted, candidate: Candidate) -> list[Fitted]:
     machine, and all places, into another valley."""
     few = fewer(found)
     begun = [point_at(candidate.model, one, few) for one in on_typical_machines(candidate)]
-    return [speeds_first(few, candidate.model, at, SUMMED[0], FROM_AFAR) for at in begun]
+    speeds = [fit(of_speed(few, SUMMED[0]), candidate.model, at, FROM_AFAR) for at in begun]
+    best = sorted(speeds, key=lambda f: f.rms)[:PLACED]
+    return [fit(few, candidate.model, f.at, FROM_AFAR) for f in best]
 
 
 def looked_at(glimpses: Sequence[Fitted]) -> list[Fitted]:

@@ -34,6 +34,7 @@ from service.identification.moves_end import (
 )
 from service.identification.moves_looks import (
     ENDED,
+    FAR_OFF,
     GLIMPSE,
     Brief,
     compared,
@@ -205,10 +206,14 @@ def begun_again(
 
 def finished(scene: Scene, trials: Mapping[str, Trial[Explained]]) -> dict[str, Trial[Explained]]:
     """The trials, those of the finalists with the motor's motion reconstructed from them, and ended if they are near;
-    what swings comes last, and only if it is not far behind. What comes closest to the moves that it was fitted to, and
-    describes them, is ended even if it describes the others not much worse: it may be the right one."""
+    what swings comes last, and only if it is not far behind; where none is anywhere near, the nearest alone. What comes
+    closest to the moves that it was fitted to, and describes them, is ended even if it describes the others not much
+    worse: it may be the right one."""
     out, done = dict(trials), list[str]()
-    for name in sorted(finalists(trials), key=lambda name: swings_at_all(trials[name].model.fitted.model)):
+    last = finalists(trials)
+    if min(trials[name].train_rms for name in last) > FAR_OFF * HOPELESS:
+        last = last[:1]
+    for name in sorted(last, key=lambda name: swings_at_all(trials[name].model.fitted.model)):
         nearest = min((out[other].train_rms for other in done), default=np.inf)
         if nearest > ENDED or out[name].train_rms < BEHIND * nearest:
             out[name] = trial_of(scene, settled_anyhow(with_own_errors(out[name].model.fitted)))

@@ -267,8 +267,12 @@ def placed(place: Fitted, candidate: Candidate, shape: int = 0) -> Fitted:
 def speeds_first(moves: Sequence[Moves], model: Model, at: Point, lasting: float, rounds: int) -> Fitted:
     """A fit begun where the loads' *speeds* are described best. A contact that the model meets half a period late lies
     in another valley of the acceleration; of the speed it is a step, and has a slope from wherever it is met."""
-    of_speed = [replace(m, lasting=lasting) for m in moves]
-    return fit(moves, model, fit(of_speed, model, at, rounds).at, rounds)
+    return fit(moves, model, fit(of_speed(moves, lasting), model, at, rounds).at, rounds)
+
+
+def of_speed(moves: Sequence[Moves], lasting: float) -> tuple[Moves, ...]:
+    """The moves with residuals of acceleration summed up to those of speed over so long [s]."""
+    return tuple(replace(m, lasting=lasting) for m in moves)
 
 
 def added(found: Fitted, candidate: Candidate, values: Values) -> Point:

@@ -129,6 +129,10 @@ def test_a_second_look_is_for_what_may_still_be_the_best(monkeypatch: Any) -> No
     compared(9.0, tuple(nowhere))
     assert again == list(nowhere)
     assert afar == [*nowhere, *nowhere]
+    valleys.clear()
+    monkeypatch.setattr(moves_looks, "HOPES", 1)
+    compared(9.0, tuple(nowhere))
+    assert again == ["far"], "of what is not near only the nearest"
     monkeypatch.setattr(
         moves_looks, "from_afar", lambda _found, one: [stub(1.5)] if one.name == "far" else []
     )

@@ -68,6 +68,25 @@ def test_all_finalists_that_are_near_are_ended_before_one_is_chosen(monkeypatch:
     assert cast(Any, done["friction"]).name == "friction", "what is no such effect is not worth the time"
 
 
+@pytest.mark.parametrize(("near", "settled"), [(2.0, ["force", "friction"]), (9.0, ["force"])])
+def test_where_none_is_anywhere_near_the_nearest_alone_is_settled(
+    monkeypatch: Any, near: float, settled: list[str]
+) -> None:
+    def trial(name: str, train: float) -> Any:
+        explained = SimpleNamespace(fitted=SimpleNamespace(model=name))
+        return SimpleNamespace(train_rms=train, held_rms=train, model=explained, at_limits=())
+
+    trials = {"force": trial("force", near), "friction": trial("friction", 1.1 * near)}
+    asked: list[str] = []
+    monkeypatch.setattr(moves_search, "swings_at_all", lambda _model: False)
+    monkeypatch.setattr(moves_search, "with_own_errors", lambda fitted: asked.append(fitted.model) or fitted)
+    monkeypatch.setattr(moves_search, "settled_anyhow", lambda fitted: fitted)
+    monkeypatch.setattr(moves_search, "trial_of", lambda _scene, fitted: trials[fitted.model])
+    monkeypatch.setattr(moves_search, "to_the_end", lambda _scene, one, *_: one)
+    moves_search.finished(cast(Any, None), cast(Any, trials))
+    assert asked == settled
+
+
 @pytest.mark.parametrize(("train", "held", "told"), [(0.95, 1.4, 2.0), (0.95, 7.5, 0.3)])
 def test_a_shape_of_friction_that_the_train_moves_do_not_tell_is_judged_on_the_others(
     monkeypatch: Any, train: float, held: float, told: float
