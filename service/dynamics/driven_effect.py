@@ -161,6 +161,11 @@ class DrivenEffect:
         return 0
 
     @property
+    def turns(self) -> int:
+        """How often its input motions are made anew from the states that they led to."""
+        return 0
+
+    @property
     def curves(self) -> int:
         return 0
 
@@ -172,8 +177,9 @@ class DrivenEffect:
         """What moves the chain, from the motors' measured motion, both (S, T, K, X, J)."""
         return c
 
-    def follow(self, c: FloatArray, case: Case) -> FloatArray:
-        """Its own input motions (S, T, K, motions, J) from those of the motors (S, T, K, X, J)."""
+    def follow(self, c: FloatArray, case: Case, states: FloatArray | None = None) -> FloatArray:
+        """Its own input motions (S, T, K, motions, J) from those of the motors (S, T, K, X, J), and from the states
+        (S, T, K + 1, n) that were simulated with those before."""
         return c[:, :, :, :0]
 
     def carry(self, system: LinearSystem, case: Case, room: Room) -> None:

@@ -127,6 +127,20 @@ def between(x: FloatArray, v: FloatArray, a: FloatArray, h: float) -> FloatArray
     return out
 
 
+def along(value: FloatArray, slope: FloatArray, bow: FloatArray, points: FloatArray, h: float) -> FloatArray:
+    """Motion (S, T, K, J) of what depends on the place, by its value and its first and second derivative (S, T, K + 1)
+    at the grid points, see `grid_points`."""
+    speed, rate = points[..., 1], points[..., 2]
+    return between(value, slope * speed, slope * rate + bow * speed**2, h)
+
+
+def grid_points(c: FloatArray, h: float) -> FloatArray:
+    """Position, speed, acceleration at the K + 1 grid points: c (S, T, K, J) -> (S, T, K + 1, 3)."""
+    last, powers = c[:, :, -1:], h ** np.arange(c.shape[-1]) / np.array([1.0, 1.0, 2.0, 6.0, 24.0])
+    ends = [last[..., j:] @ powers[: c.shape[-1] - j] for j in range(3)]
+    return np.concatenate((c[..., :3], np.stack(ends, axis=-1)), axis=2)
+
+
 @lean
 def add_error(c: FloatArray, axis: int, powers: FloatArray, origin: float, scale: float, h: float) -> None:
     """Add to the motions c (S, T, K, X, 5) of one axis an error that depends on the place, Σ powers_i·u^i [m] with

@@ -13,13 +13,13 @@ from service.dynamics.effects.driven_guide import (
     DrivenPositionForce,
     DrivenStribeckFriction,
 )
+from service.dynamics.effects.driven_ripple import DrivenRipple
 from service.dynamics.effects.driven_sensors import DrivenBias, DrivenGain, DrivenLatency, DrivenSpeedFilter
 from service.dynamics.effects.driven_transmission import (
     DrivenBentContact,
     DrivenClearance,
     DrivenLocalBacklash,
     DrivenPreload,
-    DrivenRipple,
 )
 
 DRIVEN: Mapping[str, type[DrivenEffect]] = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cache
 from typing import ClassVar
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from service.dynamics.driven_effect import Case, DrivenEffect, Room
 from service.dynamics.driven_friction import add_corner
 from service.dynamics.driven_model import join, spring_damper
-from service.dynamics.driven_motion import between
+from service.dynamics.driven_motion import along, grid_points
 from service.dynamics.driven_parameters import LINKS, Parameter, Values
 from service.dynamics.driven_propagation import Guide, LinearSystem
 from service.recording import FloatArray
@@ -32,12 +32,6 @@ BOTH = 1e-4
 """The two gaps together for which the shapes of a clearance are given [m]."""
 LEAST_SHARE = 0.03
 """Share of the two gaps that either has at least, where they are divided anew."""
-MODULES = (1e-3, 1.25e-3, 1.5e-3, 2e-3, 2.5e-3, 3e-3, 4e-3)
-"""Of the teeth of racks [m]: ISO 54, the usual ones for such axes."""
-PITCH_ERROR = 3e-3
-"""Standard deviation of a tooth's pitch, as a share: of the motor's position, in which it is told, before all."""
-PHASES = (0.0, 0.5 * np.pi)
-"""Of a ripple, at which a score is taken: its amplitude may be negative."""
 CREEP = 5e-4
 """Speed below which a pinion creeps in its bearings [m/s], about."""
 
@@ -170,7 +164,7 @@ class DrivenLocalBacklash(DrivenEffect):
     def motions(self) -> int:
         return 2 * len(self.axes)
 
-    def follow(self, c: FloatArray, case: Case) -> FloatArray:
+    def follow(self, c: FloatArray, case: Case, states: FloatArray | None = None) -> FloatArray:
         """How much wider the gap is than where the recording began, at the load's place on its lower and its upper
         flank."""
         out = np.empty((*c.shape[:3], self.motions, c.shape[-1]))
@@ -314,90 +308,3 @@ def damping(bend: FloatArray, bends: Sequence[float] = BENDS) -> FloatArray:
     power, edges = 1.0 + bend[:, None], np.array(bends)
     mean = np.diff(edges**power, axis=1) / (power * np.diff(edges))
     return np.diff(mean, axis=1, prepend=0.0)
-
-
-@dataclass(frozen=True)
-class DrivenRipple(DrivenEffect):
-    """An error of pinion and rack that repeats along the travel; its phase is found again in every recording.
-
-    Attributes
-    ----------
-    module : of the rack's teeth [m], where the error is said to repeat with them; 0 where it may repeat in anything
-    """
-
-    module: float = 0.0
-
-    name: ClassVar[str] = "transmission_ripple"
-    means: ClassVar[str] = "the transmission's error repeats along the travel: teeth, bearing, gearbox"
-    own: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("ripple_amplitude", "m", 0.0, 2e-5, logarithmic=False, dose=1e-6),
-        Parameter("ripple_phase", "rad", 0.0, 2.0, logarithmic=False, found_again=True),
-        Parameter("ripple_period", "m", 2e-3, 1.0, low=2e-4, high=3e-2),
-    )
-    shapes: ClassVar[tuple[Mapping[str, float], ...]] = tuple(
-        {"ripple_period": float(period), "ripple_phase": phase}
-        for period in np.geomspace(4e-4, 8e-3, 14)
-        for phase in PHASES
-    )
-
-    @cached_property
-    def parameters(self) -> tuple[Parameter, ...]:
-        every = super().parameters
-        if not self.module:
-            return every
-        pitch = np.pi * self.module
-        return tuple(
-            replace(p, typical=pitch, spread=PITCH_ERROR) if p.name.endswith("ripple_period") else p
-            for p in every
-        )
-
-    @property
-    def starts(self) -> tuple[Mapping[str, float], ...]:
-        if not self.module:
-            return super().starts
-        plain = {p.name: 0.0 if p.dose else p.typical for p in self.parameters}
-        phases = [name for name in plain if name.endswith("ripple_phase")]
-        return tuple(plain | dict.fromkeys(phases, phase) for phase in PHASES)
-
-    @property
-    def standards(self) -> tuple[DrivenRipple, ...]:
-        return tuple(replace(self, module=module) for module in MODULES)
-
-    @property
-    def motions(self) -> int:
-        return len(self.axes)
-
-    def follow(self, c: FloatArray, case: Case) -> FloatArray:
-        """The error at the motor's place, beyond that where a step begins: where the load rests is said from where its
-        flanks are then."""
-        out = np.empty((*c.shape[:3], len(self.axes), c.shape[-1]))
-        for k, axis, x in self.each(case.model):
-            size, phase, period = (
-                case.values[f"{axis}.ripple_{p}"][:, None, None] for p in ("amplitude", "phase", "period")
-            )
-            kappa, points = 2.0 * np.pi / period, grid_points(c[:, :, :, x], case.h)
-            angle = kappa * points[..., 0] + phase
-            error, slope = size * np.sin(angle), size * kappa * np.cos(angle)
-            out[:, :, :, k] = along(error - error[..., :1], slope, -(kappa**2) * error, points, case.h)
-        return out
-
-    def carry(self, system: LinearSystem, case: Case, room: Room) -> None:
-        """Before `assemble`: the pieces of a bent contact are as far off as the first."""
-        for k, _, x in self.each(case.model):
-            error = system.n + system.motor(room.motion + k)
-            for side, sign in ((0, -1.0), (1, 1.0)):
-                system.approach[:, x, side, error] += sign
-
-
-def along(value: FloatArray, slope: FloatArray, bow: FloatArray, points: FloatArray, h: float) -> FloatArray:
-    """Motion (S, T, K, J) of what depends on the place, by its value and its first and second derivative (S, T, K + 1)
-    at the grid points, see `grid_points`."""
-    speed, rate = points[..., 1], points[..., 2]
-    return between(value, slope * speed, slope * rate + bow * speed**2, h)
-
-
-def grid_points(c: FloatArray, h: float) -> FloatArray:
-    """Position, speed, acceleration at the K + 1 grid points: c (S, T, K, J) -> (S, T, K + 1, 3)."""
-    last, powers = c[:, :, -1:], h ** np.arange(c.shape[-1]) / np.array([1.0, 1.0, 2.0, 6.0, 24.0])
-    ends = [last[..., j:] @ powers[: c.shape[-1] - j] for j in range(3)]
-    return np.concatenate((c[..., :3], np.stack(ends, axis=-1)), axis=2)
