@@ -23,6 +23,7 @@ from service.identification.moves_starts import (
     begun_at,
     chain,
     fewer,
+    softer_contact,
     speeds_first,
 )
 from service.identification.scene import Scene
@@ -175,9 +176,19 @@ def ended(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
         gained, best = best.rms - further.rms, min(best, further, key=lambda f: f.rms)
         if gained < GAIN * best.rms:
             break
-    best = steady(best)
+    best = steady(exchanged(best))
     out = trial if best is trial.model.fitted else trial_of(scene, best)
     return replace(out, model=replace(out.model, ended=True))
+
+
+def exchanged(found: Fitted) -> Fitted:
+    """The fit, or a nearer one begun with shaft and contact exchanged where the contact is the stiffer one: what swings
+    on the flanks is much the same then, and only the blows tell. Of one that may be the right one, and is not yet."""
+    other = softer_contact(values_at(found), found.model)
+    if other is None or not DESCRIBED < found.rms < HOPELESS:
+        return found
+    at = begun_at(found.moves, found.model, other, found.at.local)
+    return min(found, fit(found.moves, found.model, at, ROUNDS), key=lambda f: f.rms)
 
 
 def with_own_errors(found: Fitted) -> Fitted:

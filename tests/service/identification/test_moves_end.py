@@ -84,6 +84,31 @@ def test_a_chain_in_a_corner_is_begun_anew_with_a_motion_of_its_own(
     assert moves_end.out_of_corner(found, 3).rms == kept
 
 
+@pytest.mark.parametrize(
+    ("contact", "rms", "again", "kept"),
+    [
+        (3e6, 1.4, 1.1, 1.1),
+        (3e6, 1.4, 1.5, 1.4),
+        (3e6, 1.1, 1.0, 1.1),
+        (3e6, 4.5, 1.0, 4.5),
+        (1e6, 1.4, 1.1, 1.4),
+    ],
+)
+def test_a_contact_that_is_stiffer_than_the_shaft_may_be_the_shaft(
+    monkeypatch: Any, contact: float, rms: float, again: float, kept: float
+) -> None:
+    """Not where the moves are described, nor where nothing else makes a fit the right one."""
+    values = {"X1.contact_stiffness": contact, "X1.pinion_stiffness": 2e6}
+    begun: list[dict[str, float]] = []
+    found = stub(rms)
+    found.model.axes = ("X1",)
+    monkeypatch.setattr(moves_end, "values_at", lambda _found: values)
+    monkeypatch.setattr(moves_end, "begun_at", lambda _m, _n, at, *_: begun.append(at))
+    monkeypatch.setattr(moves_end, "fit", lambda *_: stub(again))
+    assert moves_end.exchanged(found).rms == kept
+    assert all(at == {"X1.contact_stiffness": 2e6, "X1.pinion_stiffness": 3e6} for at in begun)
+
+
 @pytest.mark.parametrize(("without", "kept"), [(1.15, "sound"), (1.4, "overdamped")])
 def test_damping_that_no_chain_has_is_put_back_where_no_sample_tells_it(
     monkeypatch: Any, without: float, kept: str
