@@ -71,10 +71,10 @@ def evidence_of(
             "recording, found again in four whole held-out moves"
         )
     if finding == "effect":
-        after = selection.after.model.held
+        after = selection.after.model
         lines.append(
-            f"residual with {' and '.join(selection.effects)}: {rms(after.errors[:, axis]) * noise:.4g} m/s²; "
-            f"{after.announced(axis) * noise:.4g} is to be expected of the right model, by the noise of both sensors "
+            f"residual with {' and '.join(selection.effects)}: {rms(after.held.errors[:, axis]) * noise:.4g} m/s²; "
+            f"{after.announced[axis] * noise:.4g} is to be expected of the right model, by the noise of both sensors "
             "and by what the moves that were fitted do not tell of its numbers"
         )
     both = clearance_beside(selection.after.model.fitted, axis)

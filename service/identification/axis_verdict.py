@@ -299,7 +299,7 @@ def _report(one: Explained, axis: int) -> ErrorReport:
         whiteness=float(np.nanmean(lagged) / max(float(np.nanmean(errors**2)), 1e-300)),
         backlash=b,
         interval_95=(max(0.0, b - 1.96 * std), b + 1.96 * std),
-        expected_rms=held.announced(axis) * noise,
+        expected_rms=float(one.announced[axis]) * noise,
     )
 
 

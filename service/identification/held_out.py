@@ -5,10 +5,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from service.backlash.moves import Moves, early_part, predict
+from service.backlash.moves_begun import with_expected_errors
 from service.backlash.moves_fit import (
     CLOSE_PLACES,
     Fitted,
@@ -87,12 +89,6 @@ class Held:
         """Geometric mean of what the doubts add to the standard deviation that is expected."""
         return float(np.exp(np.mean(np.log(np.hypot(1.0, self.doubted[self.moves.used])))))
 
-    def announced(self, axis: int) -> float:
-        """RMS over the sensor's noise that is expected of an axis' errors if the model is right: the noise of the
-        motor's speed moves the load, too, and numbers are known as well as the moves tell them."""
-        expected = self.moves.expected[:, axis] * np.hypot(1.0, self.doubted[:, axis])
-        return rms(np.where(self.moves.used[:, axis], expected, np.nan))
-
 
 @dataclass(frozen=True)
 class Explained:
@@ -101,6 +97,15 @@ class Explained:
     fitted: Fitted
     held: Held
     ended: bool = False
+
+    @cached_property
+    def announced(self) -> FloatArray:
+        """RMS over the sensor's noise that is expected of the held-out errors of each axis (X,) if this model is right:
+        the noise of the motor's speed moves the load, too, and numbers are known as well as the moves tell them."""
+        moves = self.held.moves
+        own = with_expected_errors(moves, self.fitted, fitted=False).expected
+        expected = np.where(moves.used, np.hypot(own, moves.expected * self.held.doubted), np.nan)
+        return np.array([rms(expected[:, x]) for x in range(len(moves.axes))])
 
 
 def rms(values: FloatArray) -> float:

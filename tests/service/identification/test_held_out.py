@@ -12,7 +12,7 @@ from service.backlash.moves import REST_SPREAD, Moves, early_part, moves_of
 from service.backlash.moves_fit import Fitted, Point, fit, reconstructed, rests_found
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_sensors import DrivenBias
-from service.identification.held_out import IN_THE_GAP, TURNS, Held, held_out, rms, told_by_train
+from service.identification.held_out import IN_THE_GAP, TURNS, Explained, Held, held_out, rms, told_by_train
 from service.recording import FloatArray, Recording, Trace
 
 
@@ -51,14 +51,19 @@ def test_a_prediction_is_doubted_by_as_much_as_numbers_within_their_spread_chang
     assert np.sqrt(np.mean(spread[late] ** 2)) == pytest.approx(expected, rel=0.5)
 
 
-def test_what_is_announced_holds_the_noise_of_all_channels_and_the_doubts(
-    captures: tuple[Recording, Recording],
+def test_what_is_announced_holds_the_noise_of_all_channels_by_the_model_itself_and_its_doubts(
+    captures: tuple[Recording, Recording], found: Fitted, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     moves = moves_of(captures[1], ("X1",))
     moves = replace(moves, expected=np.full_like(moves.expected, 2.0))
-    doubted = np.where(np.arange(moves.samples) % 2, 0.0, np.sqrt(3.0)) * np.ones_like(moves.expected)
-    held = Held(moves, np.zeros_like(moves.expected), doubted)
-    assert held.announced(0) == pytest.approx(2.0 * np.sqrt(0.5 * (1.0 + 4.0)), rel=0.01)
+    doubted = np.where(np.arange(moves.samples) % 2, 0.0, 4.0) * np.ones_like(moves.expected)
+
+    def by_itself(of: Moves, _found: Fitted, fitted: bool) -> Moves:
+        return replace(of, expected=np.full_like(of.expected, 6.0 + fitted))
+
+    monkeypatch.setattr("service.identification.held_out.with_expected_errors", by_itself)
+    explained = Explained(found, Held(moves, np.zeros_like(moves.expected), doubted))
+    assert explained.announced == pytest.approx([np.sqrt(0.5 * (36.0 + 100.0))], rel=0.01)
 
 
 def early_part_mask(moves: Moves) -> FloatArray:
