@@ -204,9 +204,10 @@ def _alone(selection: Selection[Explained]) -> bool:
 
 
 def _fitted_too(before: Trial[Explained], after: Trial[Explained]) -> bool:
-    """Whether as large a part is gone from the moves that were fitted, or little is left there: what predicts other
-    moves and leaves those that it was fitted to as they were is not what acts."""
-    return gone(before.train_rms, after.train_rms, PART) or after.train_rms <= LEFT
+    """Whether as large a part is gone from the moves that were fitted, or next to nothing is left there, or little in
+    all: what predicts other moves and leaves those that it was fitted to as they were is not what acts."""
+    little = after.train_rms <= LEFT_BY_CLEAN or max(after.train_rms, after.validation_rms) <= LEFT
+    return little or gone(before.train_rms, after.train_rms, PART)
 
 
 def _common(selection: Selection[Explained], everything: bool = False) -> bool:

@@ -47,13 +47,18 @@ class DrivenConstantForce(DrivenEffect):
 
 @dataclass(frozen=True)
 class DrivenPositionForce(DrivenEffect):
-    """A cable chain or a spring: a force that falls along the travel from its value where the recording began."""
+    """A cable chain or a spring: a force that falls along the travel from its value where the recording began.
+
+    A recording's positions begin at zero wherever the load lies in its gap, so `spring_zero`, where the force has that
+    value, is found again in every recording, within about a gap.
+    """
 
     name: ClassVar[str] = "position_dependent_force"
     means: ClassVar[str] = "a force grows along the travel: cable chain, cover, spring"
     own: ClassVar[tuple[Parameter, ...]] = (
         Parameter("spring_rate", "1/s²", 0.0, 200.0, logarithmic=False, dose=20.0),
         Parameter("spring_preload", "m/s²", 0.0, 0.5, logarithmic=False, dose=0.05),
+        Parameter("spring_zero", "m", 0.0, 6e-5, logarithmic=False, found_again=True),
     )
     contains: ClassVar[tuple[str, ...]] = ("constant_force",)
 
@@ -62,9 +67,9 @@ class DrivenPositionForce(DrivenEffect):
 
     def assemble(self, system: LinearSystem, case: Case, room: Room) -> None:
         for _, axis, x in self.each(case.model):
-            load = case.model.load(x)
-            system.A[:, load + 1, load] -= case.values[f"{axis}.spring_rate"]
-            system.B[:, load + 1, system.constant()] += case.values[f"{axis}.spring_preload"]
+            load, (rate, preload, zero) = case.model.load(x), (case.values[p.of(axis).name] for p in self.own)
+            system.A[:, load + 1, load] -= rate
+            system.B[:, load + 1, system.constant()] += preload + rate * zero
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,8 @@ def trial(train: float, held_out: float) -> Trial[Any]:
         ((1.0, 11.0), (1.0, 4.6), ("stribeck_friction",), "unknown"),
         ((1.4, 2.0), (1.3, 1.7), ("sensor_latency",), "unknown"),
         ((1.4, 2.0), (1.3, 1.3), ("sensor_latency",), "effect"),
+        ((1.5, 2.5), (1.35, 1.65), ("sensor_latency",), "unknown"),
+        ((1.5, 2.5), (1.2, 1.65), ("sensor_latency",), "effect"),
         ((40.0, 40.0), (3.0, 6.0), ("sensor_latency", "sensor_gain", "gearbox_clearance"), "unknown"),
         ((9.0, 9.0), (5.0, 5.0), ("sensor_gain",), "unknown"),
         ((2.9, 2.1), (2.6, 1.3), ("machine_body_mode",), "unknown"),

@@ -42,7 +42,7 @@ PLANTED = {
     "sensor_bias": {"X1.bias_drift": 0.7},
     "speed_filter": {"X1.filter_time": 0.001},
     "constant_force": {"X1.constant_force": 0.3},
-    "position_dependent_force": {"X1.spring_rate": 150.0, "X1.spring_preload": 0.1},
+    "position_dependent_force": {"X1.spring_rate": 150.0, "X1.spring_preload": 0.1, "X1.spring_zero": 4e-4},
     "asymmetric_friction": {"X1.coulomb_asymmetry": 0.2, "X1.viscous_asymmetry": 2.0},
     "stribeck_friction": {
         "X1.breakaway": 0.5,
@@ -142,7 +142,7 @@ class Plain:
         contact += self.preload(xp - x, vp - v)
         rub = self.friction(v - vb)
         a = contact - rub + self.get("constant_force")
-        a += self.get("spring_preload") - self.get("spring_rate") * x
+        a += self.get("spring_preload") - self.get("spring_rate") * (x - self.get("spring_zero"))
         w, wb = 2 * np.pi * self.get("hung_frequency"), 2 * np.pi * self.get("body_frequency")
         pull = w**2 * (xh - x) + 2 * self.get("hung_damping") * w * (vh - v)
         a += self.get("hung_ratio") * pull
