@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from service.backlash.moves import Moves
+from service.dynamics.driven_effect import DrivenEffect
 from service.identification.axis_numbers import apart_in_time, clearance_beside
 from service.identification.explanation import Finding, SeparatingMove
 from service.identification.held_out import Explained, Held, rms
@@ -77,6 +80,7 @@ def evidence_of(
             f"{after.announced[axis] * noise:.4g} is to be expected of the right model, by the noise of both sensors "
             "and by what the moves that were fitted do not tell of its numbers"
         )
+        lines += zeros_found_again(after.fitted.model.effects)
     both = clearance_beside(selection.after.model.fitted, axis)
     if finding == "effect" and both:
         lines.append(
@@ -94,6 +98,14 @@ def evidence_of(
     if finding == "unknown" and selection.effects:
         lines.append(f"{', '.join(selection.effects)} explain a part, but not enough to be named")
     return tuple(lines)
+
+
+def zeros_found_again(effects: Sequence[DrivenEffect]) -> tuple[str, ...]:
+    """Which numbers of the effects every recording has anew, so that the held-out moves were asked for them."""
+    names = [p.name.rpartition(".")[2] for effect in effects for p in effect.parameters if p.found_again]
+    if not names:
+        return ()
+    return (f"found again in the first 45 % of the held-out moves: {', '.join(dict.fromkeys(names))}",)
 
 
 def in_time(errors: FloatArray, direction: FloatArray) -> tuple[str, ...]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from service.identification.axis_evidence import in_time
+from service.dynamics.effects.driven_library import DRIVEN
+from service.identification.axis_evidence import in_time, zeros_found_again
 
 ALTERNATING = np.tile([1.0, -1.0], 5)
 
@@ -40,3 +41,18 @@ def test_a_step_shows_beside_two_directions_too() -> None:
 
 def test_of_few_moves_no_course_is_told() -> None:
     assert in_time(np.array([[1.0], [9.0], [1.0]]), np.ones(3)) == ()
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        (("transmission_ripple",), "ripple_phase"),
+        (("position_dependent_force", "transmission_ripple"), "spring_zero, ripple_phase"),
+        (("sensor_latency",), None),
+    ],
+)
+def test_which_zeros_are_found_again_is_said(names: tuple[str, ...], said: str | None) -> None:
+    lines = zeros_found_again([DRIVEN[name](("X1", "X2")) for name in names])
+    assert lines == (
+        () if said is None else (f"found again in the first 45 % of the held-out moves: {said}",)
+    )
