@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from service.backlash.moves import Moves
-from service.backlash.moves_begun import Values, expecting_its_own, point_at
+from service.backlash.moves_begun import Values, expecting_its_own, point_at, shared_at
 from service.backlash.moves_fit import Fitted, Point, fit, reconstructed, values_at
 from service.dynamics.driven_model import LINKS
 from service.identification.held_out import DESCRIBED, NEAR, Explained, overdamped, trial_of
@@ -242,8 +242,7 @@ def in_full(found: Fitted) -> Fitted:
     if model == found.model:
         return found
     values = values_at(found) if lumps == found.model.lumps else parted(values_at(found), model.axes)
-    shared = np.array([float(p.internal(values[p.name])) for p in model.parameters])
-    return fit(found.moves, model, Point(shared, found.at.local), ROUNDS)
+    return fit(found.moves, model, Point(shared_at(model, values), found.at.local), ROUNDS)
 
 
 def parted(values: Values, axes: Sequence[str]) -> Values:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -49,27 +50,41 @@ class DrivenConstantForce(DrivenEffect):
 class DrivenPositionForce(DrivenEffect):
     """A cable chain or a spring: a force that falls along the travel from its value where the recording began.
 
-    A recording's positions begin at zero wherever the load lies in its gap, so `spring_zero`, where the force has that
-    value, is found again in every recording, within about a gap.
+    Attributes
+    ----------
+    zeroed : a recording's positions begin at zero wherever the load lies in its gap, so `spring_zero`, where the force
+        has that value, is found again in every recording, within about a gap; a search makes do without
     """
+
+    zeroed: bool = False
 
     name: ClassVar[str] = "position_dependent_force"
     means: ClassVar[str] = "a force grows along the travel: cable chain, cover, spring"
     own: ClassVar[tuple[Parameter, ...]] = (
         Parameter("spring_rate", "1/s²", 0.0, 200.0, logarithmic=False, dose=20.0),
         Parameter("spring_preload", "m/s²", 0.0, 0.5, logarithmic=False, dose=0.05),
-        Parameter("spring_zero", "m", 0.0, 6e-5, logarithmic=False, found_again=True),
     )
+    zero: ClassVar[Parameter] = Parameter("spring_zero", "m", 0.0, 6e-5, logarithmic=False, found_again=True)
     contains: ClassVar[tuple[str, ...]] = ("constant_force",)
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        zeros = (self.zero.of(axis) for axis in self.axes if self.zeroed)
+        return (*super().parameters, *zeros)
+
+    @property
+    def refined(self) -> DrivenPositionForce:
+        return replace(self, zeroed=True)
 
     def instead(self, values: Mapping[str, float]) -> Mapping[str, float]:
         return {f"{axis}.spring_preload": f for axis, f in one_way(values, self.axes).items()}
 
     def assemble(self, system: LinearSystem, case: Case, room: Room) -> None:
         for _, axis, x in self.each(case.model):
-            load, (rate, preload, zero) = case.model.load(x), (case.values[p.of(axis).name] for p in self.own)
+            load, rate = case.model.load(x), case.values[f"{axis}.spring_rate"]
+            zero = case.values[f"{axis}.spring_zero"] if self.zeroed else 0.0
             system.A[:, load + 1, load] -= rate
-            system.B[:, load + 1, system.constant()] += preload + rate * zero
+            system.B[:, load + 1, system.constant()] += case.values[f"{axis}.spring_preload"] + rate * zero
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,7 @@ PLANTED = {
     "sensor_bias": {"X1.bias_drift": 0.7},
     "speed_filter": {"X1.filter_time": 0.001},
     "constant_force": {"X1.constant_force": 0.3},
-    "position_dependent_force": {"X1.spring_rate": 150.0, "X1.spring_preload": 0.1, "X1.spring_zero": 4e-4},
+    "position_dependent_force": {"X1.spring_rate": 150.0, "X1.spring_preload": 0.1},
     "asymmetric_friction": {"X1.coulomb_asymmetry": 0.2, "X1.viscous_asymmetry": 2.0},
     "stribeck_friction": {
         "X1.breakaway": 0.5,
@@ -241,6 +241,14 @@ def test_a_steep_error_of_the_mesh_is_that_where_the_pinion_is() -> None:
     ours, rough = (driven(("transmission_ripple",), named, refined=refined) for refined in (True, False))
     assert np.sqrt(np.mean((ours - theirs) ** 2)) < 0.01
     assert np.sqrt(np.mean((rough - theirs) ** 2)) > 0.05
+
+
+def test_a_force_along_the_travel_may_have_its_zero_elsewhere() -> None:
+    name, plain = ("position_dependent_force",), PLANTED["position_dependent_force"]
+    planted = plain | {"X1.spring_zero": 1e-3}
+    theirs = Plain({n.removeprefix("X1."): x for n, x in planted.items()}).acceleration((0.0, 0.0))
+    assert np.sqrt(np.mean((driven(name, planted, refined=True) - theirs) ** 2)) < 0.01
+    assert np.sqrt(np.mean((driven(name, plain) - theirs) ** 2)) > 0.05
 
 
 def test_a_mass_that_still_swings() -> None:
