@@ -176,7 +176,9 @@ def ended(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
         gained, best = best.rms - further.rms, min(best, further, key=lambda f: f.rms)
         if gained < GAIN * best.rms:
             break
-    best = steady(exchanged(best))
+    best = steady(best)
+    other = exchanged(best)
+    best = best if other is best else steady(other)
     out = trial if best is trial.model.fitted else trial_of(scene, best)
     return replace(out, model=replace(out.model, ended=True))
 
