@@ -23,7 +23,7 @@ STANDS = 0.03
 """Time before a move in which the motor stands [s] (chosen: a fraction of any rest, and a swing's mean)."""
 RETURNS = 2.0
 """Travels' deviations over what the noise of the speed makes of them up to which a drive comes back to its set-points
-(chosen: those that do are at 0.4 to 1.7, those that friction holds off mostly at 2.4 to 50)."""
+(chosen: where they are the noise, ten of them are hardly at 1.5; what friction holds off is at many times that)."""
 FEWEST = 4
 """Moves from which deviations are told."""
 

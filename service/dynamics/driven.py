@@ -185,12 +185,15 @@ def course_of(
     x0 = initial_states(model, case.values, c[:, :, 0, :, :2], load)
     for effect, own, room in cases:
         effect.begin(x0, own, room)
-    constants, states = np.stack((np.ones(T), s), axis=1), None
-    for _ in range(1 + max((effect.turns for effect in model.effects), default=0)):
-        followed = [effect.follow(c, own, states) for effect, own, _ in cases if effect.motions]
+
+    def states_after(before: FloatArray | None = None) -> FloatArray:
+        followed = [effect.follow(c, own, before) for effect, own, _ in cases if effect.motions]
         moved = np.concatenate((c, *followed), axis=3) if followed else c
-        states = run(system, x0, moved, constants, h)
-    assert states is not None
+        return run(system, x0, moved, np.stack((np.ones(T), s), axis=1), h)
+
+    states = states_after()
+    for _ in range(max((effect.turns for effect in model.effects), default=0)):
+        states = states_after(states)
     return Course(model, case.values, cases, c, states, h)
 
 

@@ -167,13 +167,12 @@ def on_typical_machines(candidate: Candidate) -> list[Values]:
         return []
     if effect.free_swing is None:
         return [on_typical_machine(candidate, effect.starts[0])]
-    return [{**shape, **full(effect, effect.free_swing[1])} for shape in effect.starts]
+    return [on_all_axes(effect, {**shape, **effect.free_swing[1]}) for shape in effect.shapes]
 
 
-def full(effect: DrivenEffect, short: Values) -> dict[str, float]:
-    """Values by their names without an axis' as those of all axes."""
-    names = (p.name for p in effect.parameters)
-    return {name: short[name.rpartition(".")[2]] for name in names if name.rpartition(".")[2] in short}
+def on_all_axes(effect: DrivenEffect, short: Values) -> Values:
+    """The effect with values by their names without an axis', others typical."""
+    return {p.name: short.get(p.name.rpartition(".")[2], p.typical) for p in effect.parameters}
 
 
 def strong_either_way(found: Fitted, candidate: Candidate) -> list[Values]:
@@ -213,10 +212,7 @@ def as_heard(scene: Scene, candidate: Candidate) -> Values:
     if scene.heard is None or candidate.effect.free_swing is None:
         return {}
     frequency, strong = candidate.effect.free_swing
-    return {
-        p.name: {**strong, frequency: scene.heard}.get(p.name.rpartition(".")[2], p.typical)
-        for p in candidate.effect.parameters
-    }
+    return on_all_axes(candidate.effect, {**strong, frequency: scene.heard})
 
 
 def everywhere(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:
