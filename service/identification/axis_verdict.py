@@ -170,9 +170,12 @@ def _clear(selection: Selection[Explained], seen_at_rest: tuple[str, ...]) -> bo
 
 
 def _of_every_machine(selection: Selection[Explained]) -> bool:
-    """Whether what was found is what every sound machine has, and leaves next to nothing."""
-    everything = selection.before.validation_rms > CHANGED and shown(selection.after) <= LEFT_BY_CLEAN
-    return _common(selection, everything) and (_alone(selection) or left(selection.after) <= LEFT)
+    """Whether what was found is what every sound machine has, and leaves next to nothing: also in the moves that were
+    not fitted, or it explains a part of what is missing there."""
+    before, after = selection.before, selection.after
+    everything = before.validation_rms > CHANGED and shown(after) <= LEFT_BY_CLEAN
+    foretold = shown(after) <= LEFT or explained(before, after, PART)
+    return _common(selection, everything) and (_alone(selection) or (left(after) <= LEFT and foretold))
 
 
 def _explanation(selection: Selection[Explained], seen_at_rest: tuple[str, ...]) -> bool:

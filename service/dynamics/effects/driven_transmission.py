@@ -217,13 +217,14 @@ class DrivenLocalBacklash(DrivenEffect):
 @dataclass(frozen=True)
 class DrivenPreload(DrivenEffect):
     """A spring that holds the load in the middle of the gap: a split pinion, or one that is pressed into the rack. It
-    acts between the flanks as well as in contact, where it is a small part of the contact's stiffness."""
+    acts between the flanks as well as in contact, where it is a small part of the contact's stiffness. What brakes the
+    load between them and hardly pulls, a film of grease, is no spring: its damping ratio would be one and more."""
 
     name: ClassVar[str] = "preload_flank"
     means: ClassVar[str] = "a spring holds the flanks apart: a split or sprung pinion against backlash"
     own: ClassVar[tuple[Parameter, ...]] = (
         Parameter("preload_stiffness", "1/s²", 0.0, 2e4, logarithmic=False, low=0.0, dose=1e3),
-        Parameter("preload_damping_ratio", "1", 0.02, 0.8),
+        Parameter("preload_damping_ratio", "1", 0.02, 0.8, high=0.5),
     )
 
     def assemble(self, system: LinearSystem, case: Case, room: Room) -> None:

@@ -207,14 +207,23 @@ def test_what_every_rack_has_is_a_finding_only_where_it_matters_or_is_everything
     assert axis_verdict.finding_of(selection)[0] == found
 
 
-@pytest.mark.parametrize(("left", "found"), [(1.5, "none"), (3.0, "unknown")])
+@pytest.mark.parametrize(
+    ("before", "after", "found"),
+    [
+        ((4.4, 4.0), (1.5, 1.5), "none"),
+        ((4.4, 4.0), (3.0, 3.0), "unknown"),
+        ((2.1, 3.4), (1.1, 2.0), "none"),
+        ((2.1, 3.4), (1.1, 2.8), "unknown"),
+    ],
+)
 def test_what_every_rack_has_is_no_explanation_of_what_it_leaves(
-    monkeypatch: pytest.MonkeyPatch, left: float, found: str
+    monkeypatch: pytest.MonkeyPatch, before: tuple[float, float], after: tuple[float, float], found: str
 ) -> None:
-    """A mesh error that takes a third from a residual of three and more is not all that acts."""
+    """A mesh error that takes a third from a residual of three and more is not all that acts; nor is what describes a
+    guide that warms up in the moves that were fitted and leaves most of it in the others."""
     monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: (50e-6, 1e-7))
     monkeypatch.setattr(axis_verdict, "deviations", numbers)
-    selection = Selection(trial(4.4, 4.0), trial(left, left), ("transmission_ripple",), (), ())
+    selection = Selection(trial(*before), trial(*after), ("transmission_ripple",), (), ())
     assert axis_verdict.finding_of(selection)[0] == found
 
 

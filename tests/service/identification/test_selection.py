@@ -88,6 +88,9 @@ def test_an_effect_that_needs_a_number_where_no_such_effect_is_is_not_taken() ->
     assert next(c.why for c in found.candidates if c.effect == "body").startswith("only with body_damping")
     assert DRIVEN["machine_body_mode"](("X1",)).parameters[2].at_limit(0.3)
     assert not DRIVEN["machine_body_mode"](("X1",)).parameters[2].at_limit(0.02)
+    damped = DRIVEN["preload_flank"](("X1",)).parameters[1]
+    assert damped.name == "X1.preload_damping_ratio"
+    assert damped.at_limit(1.1) and not damped.at_limit(0.2)
 
 
 def test_nothing_is_named_where_what_is_no_such_effect_comes_far_nearer() -> None:
