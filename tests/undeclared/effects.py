@@ -216,6 +216,66 @@ def clipping(rng: Generator, m: Machine) -> Change:
     return {}, {"clip": rng.uniform(1.8, 3.0)}
 
 
+def slow_sensor(rng: Generator, m: Machine) -> Change:
+    """The accelerometer's own low-pass is slower than its data sheet says."""
+    return {}, {"slow_hz": log_uniform(rng, 40, 160), "slow_zeta": rng.uniform(0.6, 0.8)}
+
+
+def bent_sensor(rng: Generator, m: Machine) -> Change:
+    """The accelerometer's scale bends: the same sign for both directions, or a flattening towards its range."""
+    even = bool(rng.uniform() < 0.5)
+    size = _sign(rng) * rng.uniform(0.06, 0.2)
+    return {}, {"bent_even": size / PUSH} if even else {"bent_odd": size / PUSH**2}
+
+
+def warming_guide(rng: Generator, m: Machine) -> Change:
+    """The guide's friction falls from move to move as the grease warms."""
+    friction = max(m["fc"], 0.4 * m["m_load"])
+    return {
+        "fc": friction,
+        "fc_cold": friction * rng.uniform(0.8, 2.0),
+        "tau_cold": rng.uniform(0.5, 1.5),
+    }, {}
+
+
+def squeeze_film(rng: Generator, m: Machine) -> Change:
+    """Grease between the flanks brakes the pinion while it crosses the gap."""
+    return {"d_film": PUSH * m["m_load"] * rng.uniform(0.15, 0.5) / 0.02}, {}
+
+
+def shaft_hysteresis(rng: Generator, m: Machine) -> Change:
+    """A clamping hub that slips a little under load and springs back: a friction element beside the shaft."""
+    return {
+        "k_slip": m["k_shaft"] * rng.uniform(0.5, 2.0),
+        "f_slip": PUSH * m["m_load"] * rng.uniform(0.15, 0.4),
+    }, {}
+
+
+def bumps(rng: Generator, m: Machine) -> Change:
+    """Something hits the carriage now and then: sheets that are dropped beside the machine."""
+    return {
+        "f_bump": m["m_load"] * log_uniform(rng, 1.0, 4.0),
+        "hz_bump": rng.uniform(8.0, 15.0),
+        "phase_bump": _phase(rng),
+    }, {}
+
+
+def uneven_guide(rng: Generator, m: Machine) -> Change:
+    """Friction that waves along the guide."""
+    friction = max(m["fc"], 0.5 * m["m_load"])
+    return {
+        "fc": friction,
+        "f_uneven": friction * rng.uniform(0.4, 0.9),
+        "wave_uneven": log_uniform(rng, 2e-3, 6e-3),
+        "phase_uneven": _phase(rng),
+    }, {}
+
+
+def latency_jumps(rng: Generator, m: Machine) -> Change:
+    """A buffer between sensor and PC: the stream's delay is another one after every few moves."""
+    return {}, {"jump": log_uniform(rng, 6e-4, 2e-3), "jump_seed": float(rng.integers(2**31))}
+
+
 IN_LIBRARY = (
     *(
         machine_body_mode,
@@ -231,6 +291,16 @@ IN_LIBRARY = (
 NOT_IN_LIBRARY = (
     *(mount_resonance, tilt_coupling, dahl_friction, clock_drift, clock_jitter, mains_hum, torque_slip),
     *(load_change, neighbour_vibration, clipping),
+    *(
+        slow_sensor,
+        bent_sensor,
+        warming_guide,
+        squeeze_film,
+        shaft_hysteresis,
+        bumps,
+        uneven_guide,
+        latency_jumps,
+    ),
 )
 LIBRARY: dict[str, Effect] = {e.__name__: e for e in IN_LIBRARY}
 OUTSIDE: dict[str, Effect] = {e.__name__: e for e in NOT_IN_LIBRARY}

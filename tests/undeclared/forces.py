@@ -20,6 +20,7 @@ Array = NDArray[np.floating[Any]]
 MOTOR, GEAR, PINION, CARRIAGE, BASE, HUNG = range(6)
 
 NEUTRAL = {"n_contact": 1.0, "depth_contact": 1e-5, "v_stribeck": 1.0, "wave_gap": 1.0, "wave_ripple": 1.0}
+NEUTRAL |= {"tau_cold": 1.0, "wave_uneven": 1.0, "hz_bump": 1.0}
 NEUTRAL |= {"wave_cogging": 1.0, "z_dahl": 1.0, "p_curved": 1.0}
 """Parameters whose neutral value is not zero."""
 
@@ -270,6 +271,62 @@ class Dahl(Term):
         self.bent = self.bent + plant.h * rate
 
 
+class Cold(Term):
+    """Coulomb friction on top that fades with time."""
+
+    needs = "fc_cold"
+
+    def push(self, plant: Plant, net: Array) -> None:
+        net[CARRIAGE] -= self.p["fc_cold"] * np.exp(-plant.time / self.p["tau_cold"]) * plant.direction
+
+
+class Film(Term):
+    """A viscous film between the flanks."""
+
+    needs = "d_film"
+
+    def transmit(self, plant: Plant, s: Array, r: Array, f: Array) -> None:
+        f[2] += self.p["d_film"] * r[2] * (np.abs(s[2]) < plant.half)
+
+
+class SlipElement(Term):
+    """Jenkin's element beside the shaft: a spring that slips at `f_slip`."""
+
+    needs = "k_slip"
+
+    def __init__(self, p: Mapping[str, Array]) -> None:
+        super().__init__(p)
+        self.rest = np.zeros_like(p["k_slip"])
+
+    def transmit(self, plant: Plant, s: Array, r: Array, f: Array) -> None:
+        p = self.p
+        reach = p["f_slip"] / np.maximum(p["k_slip"], 1.0)
+        self.rest = np.clip(self.rest, s[1] - reach, s[1] + reach)
+        f[1] += p["k_slip"] * (s[1] - self.rest)
+
+
+class Bumps(Term):
+    """Half-sine blows of 3 ms, at moments that never repeat alike."""
+
+    needs = "f_bump"
+
+    def push(self, plant: Plant, net: Array) -> None:
+        p = self.p
+        since = np.mod(plant.time + 0.03 * np.sin(5.1 * plant.time + p["phase_bump"]), 1.0 / p["hz_bump"])
+        net[CARRIAGE] += p["f_bump"] * np.where(since < 3e-3, np.sin(np.pi * since / 3e-3), 0.0)
+
+
+class Uneven(Term):
+    """Coulomb friction that waves along the guide."""
+
+    needs = "f_uneven"
+
+    def push(self, plant: Plant, net: Array) -> None:
+        p = self.p
+        wave = np.sin(2 * np.pi * plant.x[CARRIAGE] / p["wave_uneven"] + p["phase_uneven"])
+        net[CARRIAGE] -= p["f_uneven"] * wave * plant.direction
+
+
 TERMS: tuple[type[Term], ...] = (
     *(
         Base,
@@ -285,7 +342,7 @@ TERMS: tuple[type[Term], ...] = (
         PowerLaw,
         Cogging,
     ),
-    *(Slip, Preload, LoadChange, Neighbour, Dahl),
+    *(Slip, Preload, LoadChange, Neighbour, Dahl, Cold, Film, SlipElement, Bumps, Uneven),
 )
 
 

@@ -84,14 +84,28 @@ def _accelerometer(rng: Generator, speed: Array, s: Mapping[str, float]) -> Chan
     count = round((speed.size - 1) * TICK * rate) + 1
     stamps = np.arange(count) / rate
     felt = _mount(speed, s)
-    when = stamps * (1 + s.get("clock_error", 0.0)) - s.get("latency", 0.0) + _jitter(rng, count, s)
+    when = (
+        stamps * (1 + s.get("clock_error", 0.0))
+        - s.get("latency", 0.0)
+        + _jitter(rng, count, s)
+        - _jumps(stamps, s)
+    )
     grid = np.arange(speed.size) * TICK
     course = CubicSpline(grid, felt)
     edge = [np.clip(w, 0.0, grid[-1]) for w in (when - 0.5 / rate, when + 0.5 / rate)]
     mean = (course(edge[1]) - course(edge[0])) * rate
+    mean = mean + s.get("bent_even", 0.0) * mean**2 + s.get("bent_odd", 0.0) * mean**3
     clean = (1 + s.get("gain", 0.0)) * mean + _offset(stamps, s) + _hum(stamps, s)
     noisy = clean + s["noise"] * rng.standard_normal(count)
     return stamps, _digits(np.clip(noisy, -s.get("clip", 1e9), s.get("clip", 1e9)), ACCELERATION_LSB)
+
+
+def _jumps(stamps: Array, s: Mapping[str, float]) -> Array:
+    """Return a delay [s] that is another one after every 0.9 s."""
+    if not s.get("jump"):
+        return np.zeros_like(stamps)
+    levels = np.random.default_rng(int(s["jump_seed"])).uniform(0, s["jump"], 100)
+    return np.asarray(levels[(stamps / 0.9).astype(int)])
 
 
 def _jitter(rng: Generator, count: int, s: Mapping[str, float]) -> Array:
@@ -129,6 +143,9 @@ def _mount(speed: Array, s: Mapping[str, float]) -> Array:
     if s.get("mount_hz"):
         omega, zeta = 2 * np.pi * s["mount_hz"], s["mount_zeta"]
         felt = _second_order(felt, [2 * zeta * omega, omega**2], s["mount_hz"], zeta)
+    if s.get("slow_hz"):
+        omega = 2 * np.pi * s["slow_hz"]
+        felt = _second_order(felt, [omega**2], s["slow_hz"], s["slow_zeta"])
     if s.get("tilt"):
         omega = 2 * np.pi * s["tilt_hz"]
         felt = felt + s["tilt"] * _second_order(speed, [omega**2], s["tilt_hz"], s["tilt_zeta"])

@@ -156,6 +156,19 @@ def test_a_sample_is_the_mean_about_its_stamp() -> None:
     assert np.abs(a - 4.0 * (t - 0.01))[50:-2].max() <= sensors.ACCELERATION_LSB
     t, a = accelerometer(gain=0.1, bias=0.2)
     assert np.abs(a - 4.4 * t - 0.2)[2:-2].max() <= sensors.ACCELERATION_LSB
+    t, a = accelerometer(bent_even=0.02, bent_odd=-0.003)
+    assert np.abs(a - 4.0 * t - 0.02 * (4 * t) ** 2 + 0.003 * (4 * t) ** 3)[2:-2].max() < 3e-3
+    t, a = accelerometer(jump=2e-3, jump_seed=3.0)
+    late = t - a / 4.0
+    assert 0.0 < np.median(late[20:1700]) < 2e-3 and np.ptp(late[20:1700]) < 1e-3
+    assert abs(np.median(late[1820:]) - np.median(late[20:1700])) > 1e-4
+
+
+def test_a_low_pass_follows_a_ramp_late() -> None:
+    """By 2·zeta/omega."""
+    t, a = accelerometer(slow_hz=50.0, slow_zeta=0.7)
+    late = 2 * 0.7 / (2 * np.pi * 50.0)
+    assert np.abs(a - 4.0 * (t - late))[200:-2].max() < 5e-3
 
 
 def test_lost_frames_leave_their_stamps_out() -> None:
