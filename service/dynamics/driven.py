@@ -37,8 +37,31 @@ class Response:
     recoil: FloatArray | None = None
 
 
-def initial_states(model: Model, values: Values, motor: FloatArray, load: FloatArray) -> FloatArray:
-    """States at the first grid point, (S, T, n), from motor and load (S, T, X, 2) position [m] and speed [m/s].
+LYING = 3
+"""How often the place of a load is found anew from how wide the gap is there: each leaves as much of what is missing as
+the gap gets wider along the rack, a tenth at most."""
+
+
+def wider(cases: Cases, place: FloatArray) -> FloatArray:
+    """How much wider than declared the gaps are [m] where the loads are, both (S, T, X)."""
+    return sum((effect.wider(place, own) for effect, own, _ in cases), np.zeros_like(place))
+
+
+def lying(cases: Cases, load: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The loads (S, T, X, 2) as far from their driving flanks as they were said to be from those of the declared gaps,
+    for steps in the directions s (T,); and how much wider the gaps are there (S, T, X)."""
+    out, more = load.copy(), np.zeros(load.shape[:-1])
+    for _ in range(LYING):
+        more = wider(cases, out[..., 0])
+        out[..., 0] = load[..., 0] - 0.5 * s[:, None] * more
+    return out, more
+
+
+def initial_states(
+    model: Model, values: Values, motor: FloatArray, load: FloatArray, wider: FloatArray
+) -> FloatArray:
+    """States at the first grid point, (S, T, n), from motor and load (S, T, X, 2) position [m] and speed [m/s], the
+    gaps being `wider` (S, T, X) [m] than declared.
 
     The lumps between them start where the springs balance, so that no fast mode is excited.
     """
@@ -46,7 +69,7 @@ def initial_states(model: Model, values: Values, motor: FloatArray, load: FloatA
     for axis, name in enumerate(model.axes):
         first, at = axis * model.states_per_axis, model.load(axis)
         x[..., at : at + 2] = load[:, :, axis]
-        half = 0.5 * values[f"{name}.backlash"][:, None]
+        half = 0.5 * (values[f"{name}.backlash"][:, None] + wider[..., axis])
         wind_up = motor[:, :, axis] - load[:, :, axis]
         gap = np.clip(wind_up[..., 0], -half, half)
         touching = np.abs(wind_up[..., 0]) > half
@@ -163,7 +186,8 @@ def course_of(
     values : (S,) of every free parameter of the model
     c : (S, T, K, X, 5) motor motion, see driven_motion.coefficients; already shifted by the skew
     s : (T,) directions
-    load : (S, T, X, 2) load position [m] and speed [m/s] at the first grid point
+    load : (S, T, X, 2) load position [m] and speed [m/s] at the first grid point; where effects make a gap wider there,
+        the load is as far from its driving flank as it is by this from that of the declared gap
     h : grid interval [s]
     nuisance : (S, T, len(model.nuisance)) the effects' own coordinates of every step, in their units; 0 by default
     start : (T,) time of the first grid point since the recording began [s]; only a drift asks for it
@@ -182,7 +206,7 @@ def course_of(
         c = effect.drive(c, own)
     cases = tuple((effect, replace(own, c=c), room) for effect, own, room in cases)
     system = assemble(model, case, cases)
-    x0 = initial_states(model, case.values, c[:, :, 0, :, :2], load)
+    x0 = initial_states(model, case.values, c[:, :, 0, :, :2], *lying(cases, load, s))
     for effect, own, room in cases:
         effect.begin(x0, own, room)
 

@@ -182,6 +182,10 @@ class DrivenEffect:
         (S, T, K + 1, n) that were simulated with those before."""
         return c[:, :, :, :0]
 
+    def wider(self, place: FloatArray, case: Case) -> FloatArray:
+        """How much wider than declared the gaps are [m] where the loads are, both (S, T, X)."""
+        return np.zeros_like(place)
+
     def carry(self, system: LinearSystem, case: Case, room: Room) -> None:
         """Add bodies that carry racks and guides: called before any effect's `assemble`."""
 

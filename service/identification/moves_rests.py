@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from service.backlash.moves import REST_SPREAD, Moves, Swings, left_over, simulated
 from service.backlash.moves_fit import Point
+from service.dynamics.driven import wider
 from service.dynamics.driven_model import Model
 from service.dynamics.driven_motion import of_motors
 from service.recording import FloatArray
@@ -80,10 +81,14 @@ def swings(moves: Moves, model: Model, shared: FloatArray, local: FloatArray, kn
         released |= {name: value[0] for name, value in effect.swung(values, begun, -rest).items()}
         states = effect.carried(states[None], case, room)[0]
     loads = np.zeros((len(moves.grids), 2 * len(model.axes)))
+    more = wider(
+        said.cases, np.stack([states[None, :, model.load(x)] for x in range(len(model.axes))], axis=2)
+    )[0]
     for x, axis in enumerate(model.axes):
         at = model.load(x)
         ahead = states[:, at : at + 2] - motor[:, x]
-        ahead[:, 0] += 0.5 * moves.s[1:] * values[f"{axis}.backlash"][0]
+        gap = values[f"{axis}.backlash"][0] + more[:, x]
+        ahead[:, 0] += 0.5 * moves.s[1:] * gap
         for part in range(2):
             loads[:, 2 * x + part] = after_the_first(ahead[:, part] / REST_SPREAD[part], there)
     return Swings(loads, np.concatenate(([1.0], np.where(there, known, 1.0))), released, rest)

@@ -149,7 +149,13 @@ class DrivenLocalBacklash(DrivenEffect):
 
     The width is that at the load's place: half a gap behind the motor on one flank and half a gap before it on the
     other, and as far from there as the chain winds up, by the mean steepness where this flank is pushed.
+
+    Attributes
+    ----------
+    at_load : the load's place is that of the simulated load, from turn to turn
     """
+
+    at_load: bool = False
 
     name: ClassVar[str] = "position_dependent_backlash"
     means: ClassVar[str] = "the backlash changes along the travel: local wear, pinion runout"
@@ -164,6 +170,14 @@ class DrivenLocalBacklash(DrivenEffect):
     def motions(self) -> int:
         return 2 * len(self.axes)
 
+    @property
+    def refined(self) -> DrivenLocalBacklash:
+        return replace(self, at_load=True)
+
+    @property
+    def turns(self) -> int:
+        return 1 if self.at_load else 0
+
     def follow(self, c: FloatArray, case: Case, states: FloatArray | None = None) -> FloatArray:
         """How much wider the gap is than where the recording began, at the load's place on its lower and its upper
         flank."""
@@ -171,9 +185,18 @@ class DrivenLocalBacklash(DrivenEffect):
         for k, axis, x in self.each(case.model):
             points = grid_points(c[:, :, :, x], case.h)
             half = 0.5 * case.values[f"{axis}.backlash"][:, None, None]
+            if states is not None:
+                load, half = states[..., case.model.load(x) :], np.zeros_like(half)
+                points = np.stack((load[..., 0], load[..., 1], points[..., 2]), axis=-1)
             for side, sign in enumerate((1.0, -1.0)):
                 wider = self.widening(case.values, axis, points[..., 0] + sign * half)
                 out[:, :, :, 2 * k + side] = along(*wider, points, case.h)
+        return out
+
+    def wider(self, place: FloatArray, case: Case) -> FloatArray:
+        out = np.zeros_like(place)
+        for _, axis, x in self.each(case.model):
+            out[..., x] = self.widening(case.values, axis, place[..., x])[0]
         return out
 
     @staticmethod
@@ -205,8 +228,8 @@ class DrivenLocalBacklash(DrivenEffect):
 
     def steepness(self, case: Case, axis: str, x: int, sign: float) -> FloatArray:
         """How much wider the gap gets along the rack (S,) where a flank pushes the load in the direction `sign`: the
-        mean over all moves, by the motor's acceleration."""
-        if case.c is None:
+        mean over all moves, by the motor's acceleration; 0 where the width is looked up at the load itself."""
+        if case.c is None or self.at_load:
             return np.zeros(len(case.nuisance))
         place, push = case.c[:, :, :, x, 0], np.maximum(sign * case.c[:, :, :, x, 2], 0.0)
         half = 0.5 * case.values[f"{axis}.backlash"][:, None, None]

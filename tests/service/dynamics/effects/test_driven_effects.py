@@ -115,14 +115,18 @@ class Plain:
             return k * stretch + d * rate
         return one_sided(stretch, rate, 0.5 * self.e["clearance"], k, d)
 
-    def contact(self, s: float, r: float, x: float, v: float) -> float:
-        """The depth's rate counts, so a gap that widens under way damps too. It is as wide as where the load is."""
+    def gap(self, x: float) -> tuple[float, float]:
+        """Half of its width at a place, and how the width changes there."""
         kappa = 2 * np.pi / self.e.get("gap_period", 1.0)
         phase = float(np.arctan2(-self.get("gap_bow"), self.get("gap_slope") * kappa))
         size = float(np.hypot(self.get("gap_slope") / kappa, self.get("gap_bow") / kappa**2))
         wave = size * float(np.sin(kappa * x + phase) - np.sin(phase))
-        k, half = self.v["contact_stiffness"], 0.5 * (self.v["backlash"] + wave)
-        steep = size * kappa * float(np.cos(kappa * x + phase))
+        return 0.5 * (self.v["backlash"] + wave), size * kappa * float(np.cos(kappa * x + phase))
+
+    def contact(self, s: float, r: float, x: float, v: float) -> float:
+        """The depth's rate counts, so a gap that widens under way damps too. It is as wide as where the load is."""
+        half, steep = self.gap(x)
+        k = self.v["contact_stiffness"]
         rate = r - float(np.sign(s)) * 0.5 * steep * v
         d = 2 * self.v["contact_damping_ratio"] * np.sqrt(k)
         if not self.get("bend"):
@@ -153,8 +157,11 @@ class Plain:
         return [vp, (drive - contact - held) / self.v["drive_mass"], v, a, vh, -pull, vb, body]
 
     def acceleration(self, rest: tuple[float, float]) -> FloatArray:
-        """(K,) as the sensor reads it; `rest` is the hung mass' displacement and speed at the start."""
-        xm, at = self.motor(BEGIN)[0], self.motor(BEGIN)[0] - 15e-6
+        """(K,) as the sensor reads it, the load lying in the gap at first, as far from its driving flank as if
+        that were as declared; `rest` is the hung mass' displacement and speed then."""
+        xm = at = self.motor(BEGIN)[0]
+        for _ in range(5):
+            at = xm - 15e-6 - (self.gap(at)[0] - 0.5 * self.v["backlash"])
         z = np.array([xm, 0.0, at, 0.0, at + rest[0], rest[1], 0.0, 0.0])
         grid = BEGIN + H * np.arange(K + 1)
         v = solve_ivp(
@@ -241,6 +248,39 @@ def test_a_steep_error_of_the_mesh_is_that_where_the_pinion_is() -> None:
     ours, rough = (driven(("transmission_ripple",), named, refined=refined) for refined in (True, False))
     assert np.sqrt(np.mean((ours - theirs) ** 2)) < 0.01
     assert np.sqrt(np.mean((rough - theirs) ** 2)) > 0.05
+
+
+def test_a_gap_that_waves_is_as_wide_as_where_the_load_is() -> None:
+    """A search may take the mean steepness where a flank is pushed for that in every place."""
+    planted = {"gap_slope": 0.015, "gap_bow": 11.0, "gap_period": 6e-3}
+    theirs = Plain(planted).acceleration((0.0, 0.0))
+    named = {f"X1.{name}": value for name, value in planted.items()}
+    ours, rough = (
+        driven(("position_dependent_backlash",), named, refined=refined) for refined in (True, False)
+    )
+    errors = [np.sqrt(np.mean((predicted - theirs) ** 2)) for predicted in (ours, rough)]
+    assert errors[0] < 0.01 and errors[0] < 0.5 * errors[1]
+
+
+@pytest.mark.parametrize("s", [1.0, -1.0])
+@pytest.mark.parametrize("bow", [9.0, -4.0])
+def test_a_load_that_rests_at_its_flank_stays_there_however_wide_the_gap_is(bow: float, s: float) -> None:
+    """A step that begins where the gap is twice as wide, or half as wide, begins with the flanks touching and the
+    springs relaxed."""
+    effect = DRIVEN["position_dependent_backlash"](("X1",)).refined
+    model = Model(("X1",), 2, (effect,), "whole_move", ("constant", "skew"))
+    values = {p.name: np.array([p.typical]) for p in model.parameters}
+    gap = {"X1.backlash": 60e-6, "X1.gap_bow": bow, "X1.gap_period": 0.1}
+    values |= {name: np.array([x]) for name, x in gap.items()}
+    place = 4e-3
+    c = np.zeros((1, 1, K, 1, 5))
+    c[..., 0] = place
+    load = np.array([place - s * 30e-6, 0.0]).reshape(1, 1, 1, 2)
+    said = simulate(model, values, c, np.array([s]), load, H)
+    kappa = 2 * np.pi / 0.1
+    wide = 60e-6 + bow / kappa**2 * (1.0 - np.cos(kappa * place))
+    assert said.relative[0, 0, 0, 0] == pytest.approx(0.5 * s * wide, rel=0.02)
+    assert np.abs(said.acceleration).max() < 1e-3
 
 
 def test_a_force_along_the_travel_may_have_its_zero_elsewhere() -> None:
