@@ -3,9 +3,10 @@
 Contact states of a gap: 0 lower flank, 1 in the gap, 2 upper flank. A flank's approach δ and its force over k are
 linear forms of z with few entries, which are listed: where they are (2·G, M), how many (2·G,), and both forms' there.
 
-A deeper piece of a flank is met where that flank is pressed by more than a depth, and parts with it. So it has no forms
-of its own: with each gap go the one whose flank it is a piece of (G,), itself where it is no piece, the next deeper
-piece (G,), -1 where there is none, and its depth (G,) [m].
+A deeper piece of a flank is met where that flank is pressed by more than a depth, and parts with it, where all pieces
+together would pull. So its approach is that flank's, and its force is over the k of that one: with each gap go the one
+whose flank it is a piece of (G,), itself where it is no piece, the next deeper piece (G,), -1 where there is none, and
+its depth (G,) [m].
 """
 
 from __future__ import annotations
@@ -18,15 +19,22 @@ CLOSE = 1e-10
 
 @within
 def pressed(flanks, g, side, z):
-    """How far a flank is pressed, 0 unless it touches and pushes: unless its approach and its force are positive."""
-    place, many, delta, force = flanks[:4]
-    near, push = 0.0, 0.0
-    for m in range(many[2 * g + side]):
-        near += delta[2 * g + side, m] * z[place[2 * g + side, m]]
+    """How far a flank is pressed, 0 unless it touches and pushes: unless its approach and its force, that of all pieces
+    that are reached, are positive."""
+    place, many, delta, force, _, deeper, depth = flanks
+    row, near, push = 2 * g + side, 0.0, 0.0
+    for m in range(many[row]):
+        near += delta[row, m] * z[place[row, m]]
     if not near > 0.0:
         return 0.0
-    for m in range(many[2 * g + side]):
-        push += force[2 * g + side, m] * z[place[2 * g + side, m]]
+    for m in range(many[row]):
+        push += force[row, m] * z[place[row, m]]
+    piece = deeper[g]
+    while piece >= 0 and near > depth[piece]:
+        row = 2 * piece + side
+        for m in range(many[row]):
+            push += force[row, m] * z[place[row, m]]
+        piece = deeper[piece]
     return near if push > 0.0 else 0.0
 
 
@@ -119,9 +127,10 @@ def crossing(polynomials, many, left):
 
 
 @within
-def polynomials_of(flanks, g, side, D, many, out):
-    """Approach and force of a flank along a series, into out (…, 2); a piece holds while it is pressed."""
-    place, entries, delta, force, first, _, depth = flanks
+def polynomials_of(flanks, modes, g, side, D, many, out):
+    """Approach and force of a flank along a series, into out (…, 2), the force that of all pieces that are reached; a
+    piece holds while it is pressed."""
+    place, entries, delta, force, first, deeper, depth = flanks
     row, piece = 2 * first[g] + side, first[g] != g
     for i in range(many):
         near, push = 0.0, 0.0
@@ -132,3 +141,10 @@ def polynomials_of(flanks, g, side, D, many, out):
         if piece and i == 0:
             near -= depth[g]
         out[i, 0], out[i, 1] = near, near if piece else push
+    behind = deeper[g]
+    while not piece and behind >= 0 and modes[behind] != 1:
+        row = 2 * behind + side
+        for i in range(many):
+            for m in range(entries[row]):
+                out[i, 1] += force[row, m] * D[i, place[row, m]]
+        behind = deeper[behind]

@@ -273,7 +273,7 @@ def first_event(flanks, modes, end, D, many, left, course):
         if end[g] == modes[g]:
             continue
         side = modes[g] // 2 if modes[g] != 1 else end[g] // 2
-        polynomials_of(flanks, g, side, D, many, course)
+        polynomials_of(flanks, modes, g, side, D, many, course)
         touched = lesser(course, many, 0.0) > 0.0
         t = crossing(course, many, left) if touched == (modes[g] != 1) else 0.0
         if at < 0 or t < first:

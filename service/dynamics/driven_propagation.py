@@ -183,8 +183,11 @@ def run(system: LinearSystem, x0: FloatArray, c: FloatArray, constants: FloatArr
     G = system.k.shape[1]
     B, of, extent, table = tabulated(system)
     law, forced = np.stack((system.k, system.d), axis=2), forced_forms(system)
-    listed = entries(*(form.reshape(S, 2 * G, n + U) for form in (system.approach, forced)))
-    flanks = (*listed, *pieces(system))
+    of_pieces = pieces(system)
+    first = system.k[:, of_pieces[0]]
+    over_first = np.divide(system.k, first, out=np.ones_like(first), where=first != 0.0)[..., None, None]
+    listed = entries(*(form.reshape(S, 2 * G, n + U) for form in (system.approach, forced * over_first)))
+    flanks = (*listed, *of_pieces)
     bent = entries(of)
     rates = fastest(system)
     levels = halvings(float(np.max(rates * h, initial=0.0, where=rates * h < HOPELESS)))

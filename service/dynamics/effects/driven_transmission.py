@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -274,26 +274,37 @@ class DrivenBentContact(DrivenEffect):
 
     The law is a chain of straight pieces, each a flank of its own that is met a little deeper than the one before: so
     the propagation stays exact between events. A force that is looked up at the grid points only misses the first
-    tenths of a micrometre, where the bend is greatest and the backlash is decided. The damper is as large, at every
-    depth, as the force over the depth; and the pieces part together, where the flank as a whole would pull: a piece
-    that let go by itself would damp a strongly damped flank less on its way out.
+    tenths of a micrometre, where the bend is greatest and the backlash is decided. The pieces part together, where the
+    flank as a whole would pull: a piece that let go by itself would damp a strongly damped flank less on its way out.
 
     Attributes
     ----------
     bends : depths between which the flank is straight
+    own_damper : the damper grows with the depth to a power of its own, `damping_bend`: not at all (Kelvin, Voigt), with
+        the stiffness, or with the force (Hunt, Crossley 1975); a search takes it to be as large, at every depth, as the
+        force over the depth
     """
 
     bends: tuple[float, ...] = BENDS
+    own_damper: bool = False
 
     name: ClassVar[str] = "contact_nonlinearity"
     means: ClassVar[str] = "the tooth contact stiffens with load"
     own: ClassVar[tuple[Parameter, ...]] = (
         Parameter("bend", "1", 0.0, 0.5, logarithmic=False, low=-0.5, high=1.5, dose=0.05),
     )
+    damper: ClassVar[Parameter] = Parameter(
+        "damping_bend", "1", 0.5, 0.5, logarithmic=False, low=0.0, high=2.5
+    )
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        more = self.axes if self.own_damper else ()
+        return (*super().parameters, *(self.damper.of(axis) for axis in more))
 
     @property
     def refined(self) -> DrivenBentContact:
-        return replace(self, bends=FINE)
+        return replace(self, bends=FINE, own_damper=True)
 
     @property
     def gaps(self) -> int:
@@ -306,7 +317,8 @@ class DrivenBentContact(DrivenEffect):
             more = room.gap + (at * (len(self.bends) - 2) + np.arange(len(self.bends) - 2))
             k, d = system.k[:, x].copy(), system.d[:, x].copy()
             bend = case.values[f"{axis}.bend"]
-            added = stiffening(bend, self.bends).T, damping(bend, self.bends).T
+            damped_bend = case.values.get(f"{axis}.damping_bend", bend)
+            added = stiffening(bend, self.bends).T, damping(damped_bend, self.bends).T
             laws = zip((x, *more), (-1, x, *more), self.bends, *added, strict=False)
             for gap, before, begin, stiffer, damped in laws:
                 system.approach[:, gap], system.push[:, gap] = system.approach[:, x], system.push[:, x]
@@ -328,7 +340,7 @@ def least_squares(bends: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
 
 
 def damping(bend: FloatArray, bends: Sequence[float] = BENDS) -> FloatArray:
-    """What every piece adds to the damping (S, len(bends) − 1): each depth is damped as its force over it, x^bend."""
+    """What every piece adds to the damping (S, len(bends) − 1): each depth is damped in proportion to x^bend."""
     power, edges = 1.0 + bend[:, None], np.array(bends)
     mean = np.diff(edges**power, axis=1) / (power * np.diff(edges))
     return np.diff(mean, axis=1, prepend=0.0)

@@ -51,17 +51,13 @@ def law(axis: str, link: str) -> tuple[float, float]:
 
 
 def contact(axis: str, s: float, r: float) -> float:
-    """The force of the pieces of a bent flank that are reached, as long as the first one pushes."""
+    """The force of the pieces of a bent flank that are reached, as long as they push together."""
     (k, d), bend, total = law(axis, "contact"), np.array([GIVEN[f"{axis}.bend"]]), 0.0
-    for piece, (begin, stiff, damped) in enumerate(
-        zip(BENDS, stiffening(bend)[0], damping(bend)[0], strict=False)
-    ):
+    for begin, stiff, damped in zip(BENDS, stiffening(bend)[0], damping(bend)[0], strict=False):
         deep = abs(s) - 0.5 * GIVEN[f"{axis}.backlash"] - begin * TYPICAL_PUSH / k
-        more = stiff * k * deep + damped * d * r * float(np.sign(s))
-        if deep <= 0.0 or (piece == 0 and more <= 0.0):
-            break
-        total += more
-    return total * float(np.sign(s))
+        if deep > 0.0:
+            total += stiff * k * deep + damped * d * r * float(np.sign(s))
+    return max(total, 0.0) * float(np.sign(s))
 
 
 def rates(t: float, z: FloatArray) -> list[float]:
