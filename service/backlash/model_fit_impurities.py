@@ -95,3 +95,8 @@ class BentContact(DrivenBentContact):
 
     name: ClassVar[str] = "bent_contact"
     own: ClassVar[tuple[Parameter, ...]] = (replace(DrivenBentContact.own[0], spread=BEND, dose=0.0),)
+
+    @property
+    def refined(self) -> BentContact:
+        """In finer pieces; what its damper does more is below what a sound contact leaves."""
+        return replace(self, bends=FINE)
