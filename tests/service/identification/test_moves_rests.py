@@ -11,15 +11,17 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from service.backlash.moves import Moves, moves_of, predict
+from service.backlash.moves import Moves, moves_of, predict, simulated
 from service.backlash.moves_begun import point_at
 from service.backlash.moves_fit import Fitted, Point, every, resting
 from service.captures import read_capture
+from service.dynamics.driven import wider
 from service.dynamics.driven_model import Model
+from service.dynamics.driven_motion import of_motors
 from service.dynamics.effects.driven_bodies import DrivenHungMass, DrivenMachineBody, free_swing
 from service.dynamics.effects.driven_guide import DrivenCurvedFriction
 from service.dynamics.effects.driven_sensors import DrivenBias, DrivenGain
-from service.dynamics.effects.driven_transmission import DrivenClearance
+from service.dynamics.effects.driven_transmission import DrivenClearance, DrivenLocalBacklash
 from service.identification import held_out
 from service.identification.held_out import no_such_effect, too_heavy
 from service.identification.moves_rests import KNOWN, swinging_on
@@ -85,6 +87,25 @@ def test_moves_begin_as_before_when_what_is_left_is_told(
         states.append(predict(told, model, at.shared[None], at.local[0][None]).states[0, :, 0])
     assert np.max(np.abs(states[-1][1:, -2])) > 1e-6, "something swings"
     np.testing.assert_allclose(states[-1][:, -2:], states[-2][:, -2:], rtol=0.0, atol=1e-9)
+
+
+def test_a_move_begins_where_the_move_before_left_the_load_also_in_a_gap_that_waves(moves: Moves) -> None:
+    """Simulated on through the rest; not half of what the gap is wider there beside it."""
+    effects = (DrivenHungMass(("X1",)), DrivenLocalBacklash(("X1",)).refined)
+    model = Model(("X1",), 1, effects, "whole_move", ("constant", "skew"), bridge=False)
+    swing = {"X1.hung_ratio": 0.1, "X1.hung_frequency": 12.0, "X1.hung_damping": 0.03}
+    gap = {"X1.gap_slope": 0.0, "X1.gap_bow": 8.0, "X1.gap_period": 0.02}
+    at = replace(point_at(model, MACHINE | swing | gap, [moves]), local=resting([moves], model))
+    (told,), at = swinging_on([moves], model, at, 1.0)
+    begun = predict(told, model, at.shared[None], at.local[0][None])
+    (following,), _ = swinging_on([told], model, at, 1.0)
+    said = predict(following, model, at.shared[None], resting([moves], model)[0][None])
+    load, K = model.load(0), round(float(moves.start[1] - moves.start[0]) / moves.h)
+    c = of_motors([moves.plain] * len(moves.grids), moves.start, moves.h, K, np.zeros((1, 1)))
+    through = simulated(told, model, at.shared[None], at.local[0][None], c).states[0, :-1, -1, load]
+    wide = wider(begun.cases, begun.states[:, :, 0, [load]])[0, :, 0]
+    assert np.ptp(wide) > 3e-5
+    np.testing.assert_allclose(said.states[0, 1:, 0, load] - through, 0.0, atol=2e-6)
 
 
 @pytest.fixture
