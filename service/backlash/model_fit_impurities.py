@@ -98,5 +98,5 @@ class BentContact(DrivenBentContact):
 
     @property
     def refined(self) -> BentContact:
-        """In finer pieces; what its damper does more is below what a sound contact leaves."""
+        """In finer pieces, without a damper of its own."""
         return replace(self, bends=FINE)
