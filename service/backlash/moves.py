@@ -44,8 +44,8 @@ REST_SPREAD = np.array([6e-5, 5e-4])
 """Prior of the load's position [m] and speed [m/s] at the start of a move, against the driving flank: anywhere in a
 gap of some 10 to 200 µm, and nearly at rest."""
 
-TOGETHER = 16
-"""Sets simulated in one pass: more gain no speed and cost 0.5 to 1 MB each."""
+TOGETHER = 24
+"""Sets simulated in one pass: about as many as a single axis' model has coordinates; more cost 0.5 to 1 MB each."""
 
 
 @dataclass(frozen=True)

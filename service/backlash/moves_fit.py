@@ -24,6 +24,8 @@ FAR = 5.0
 OVERFLOWN = 1e8
 LADDER = np.array([0.01, 0.1, 0.5, 2.0, 10.0, 1e3])
 """Dampings tried at once around the last good one."""
+OWN_LADDER = np.array([0.01, 0.7, 30.0])
+"""The same of each move's own coordinates, which are few: more bring no fit nearer."""
 REST_PLACES = (0.0, -0.05, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0, 1.05)
 """Shares of the gap behind the driving flank at which the pinion may rest when a move begins."""
 CLOSE_PLACES = tuple(np.linspace(-0.05, 1.05, 45))
@@ -246,7 +248,7 @@ def settle_locally(
             J = np.nan_to_num((r[:, of] - here[of]).T / DIFFERENCE)
             H[t] = J.T @ J / scale**2 + np.eye(L)
             g[t] = J.T @ np.nan_to_num(here[of]) / scale**2 + own[t]
-        tried = own + np.swapaxes(damped(H, g, LADDER), 0, 1)
+        tried = own + np.swapaxes(damped(H, g, OWN_LADDER), 0, 1)
         said = misfits(part, model, np.tile(at.shared, (len(tried), 1)), tried)
         tried, said = np.concatenate((own[None], tried)), np.concatenate((here[None], said))
         squares = np.add.reduceat(said**2, ends[:-1], axis=1) / scale**2 + np.sum(tried**2, axis=2)

@@ -13,11 +13,11 @@ from service.dynamics.effects.driven_sensors import DrivenBias
 from service.identification.axis_verdict import LEFT_BY_ONE, SMALL, verdict
 from service.identification.explanation import Accepted, AxisExplanation
 from service.identification.given_effects import as_accepted, names_of, with_effects_of
-from service.identification.held_out import SEARCHED, Explained, trial_of
+from service.identification.held_out import DESCRIBED, SEARCHED, Explained, trial_of
 from service.identification.moves_end import ended, settled
 from service.identification.moves_search import challenged, propose, without
 from service.identification.scene import Scene, declared_fit, scene_of
-from service.identification.selection import Limits, Selection, Trial, distance, left, select
+from service.identification.selection import Limits, Selection, Trial, distance, left, select, shown
 from service.recording import Recording
 
 MATERIAL = 0.1
@@ -30,6 +30,11 @@ MOST = 2
 LIMITS = Limits(MATERIAL, SEARCHED, FURTHER, LEFT_BY_ONE, MOST, SMALL)
 BEYOND = replace(LIMITS, material=FURTHER[0], enough=FURTHER[1])
 """Beyond accepted effects the next one is a further one."""
+HIDDEN = tuple(kind for kind in DRIVEN.values() if kind.many_valleys)
+"""What the declared model may hide in the moves that are fitted: it makes one gap of two in series, as wide as both.
+Asked for where the others are not described as well, although numbers that are not known could do that, too."""
+OF_HIDDEN = replace(LIMITS, material=0.05)
+"""Where so little is left there is less to remove (chosen)."""
 
 
 def explain_axes(
@@ -76,8 +81,9 @@ def missing_in(
     scene: Scene, before: Trial[Explained], accepted: Sequence[str], tell: Callable[[str], None]
 ) -> Selection[Explained]:
     """What is missing in the model that is declared, or that was accepted. A zero that is seen to wander at rest is
-    asked for first. What accepted effects leave is the next one's only where it is more than a law leaves that differs
-    a little from the machine's, as after a first effect."""
+    asked for first; where numbers may do it that are not known, only what may be hidden. What accepted effects leave is
+    the next one's only where it is more than a law leaves that differs a little from the machine's, as after a first
+    effect."""
     if scene.zero_wanders and DrivenBias.name not in accepted:
         tell("the accelerometer's zero wanders while the axis rests")
         found = searched(scene, before, tell, LIMITS, first=(DrivenBias,))
@@ -85,6 +91,8 @@ def missing_in(
             return found
     if accepted and left(before) <= FURTHER[1]:
         return nothing_beyond(before)
+    if not accepted and shown(before) <= SEARCHED and before.validation_rms > DESCRIBED:
+        return searched(scene, before, tell, OF_HIDDEN, first=HIDDEN)
     return searched(scene, before, tell, BEYOND if accepted else LIMITS)
 
 
@@ -95,8 +103,8 @@ def searched(
     limits: Limits,
     first: Sequence[type[DrivenEffect]] = (),
 ) -> Selection[Explained]:
-    """What is found in the library; with `first`, of which there is evidence beside the moves, begun with nothing else
-    and however little is missing."""
+    """What is found in the library; with `first`, of which there is other evidence, begun with nothing else and however
+    little is missing."""
     held = {effect.name for effect in before.model.fitted.model.effects}
     library = tuple(kind for kind in DRIVEN.values() if kind.name not in held)
     return select(

@@ -230,7 +230,7 @@ def in_the_gap(moves: Sequence[Moves], model: Model, at: Point) -> Point:
 
 def trial_of(scene: Scene, found: Fitted, thorough: bool = True) -> Trial[Explained]:
     """A fit with its errors on the held-out moves, over what is expected of them, in blocks of a fifth of a move."""
-    held = held_out(scene.validate, found, thorough)
+    held = held_out(scene.validate, found, thorough and found.rms < NEAR)
     errors = held.weighed
     over = held.doubt * errors
     blocks = [float(np.nansum(part**2)) for move in over for part in np.array_split(move, PARTS, axis=-1)]

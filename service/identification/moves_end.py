@@ -4,18 +4,18 @@ a wrong model drove it into.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from service.backlash.moves import Moves
 from service.backlash.moves_begun import Values, expecting_its_own, point_at, shared_at
 from service.backlash.moves_fit import Fitted, Point, fit, reconstructed, values_at
 from service.dynamics.driven_model import LINKS
 from service.identification.held_out import DESCRIBED, NEAR, Explained, overdamped, trial_of
 from service.identification.moves_looks import ENDED, FROM_AFAR, alike
 from service.identification.moves_rests import KNOWN, how_known, swinging_on, swings_at_all
+from service.identification.moves_ridges import over_ridges, put_back
 from service.identification.moves_starts import (
     ROUNDS,
     SUMMED,
@@ -23,7 +23,6 @@ from service.identification.moves_starts import (
     begun_at,
     chain,
     fewer,
-    softer_contact,
     speeds_first,
 )
 from service.identification.scene import Scene
@@ -40,10 +39,8 @@ STILL = 1e-4
 as much, the fit of the shared Stribeck pair was still on its way)."""
 FEW_ROUNDS = 4
 """Rounds of a fit between two turns of a motion that a wrong chain may have made."""
-PUT_BACK = ("turnover_speed", "turnover_spread", "coulomb", "viscous", "damping_ratio", "smear")
-"""Parameters that a wrong model drives into a corner from which a fit comes back slowly."""
 CORNER = ("turnover_speed", "turnover_spread", "damping_ratio", *TOLERANCES)
-"""The same without the guide's friction, which is kept, and with both tolerances."""
+"""Numbers in a corner that a fit is led out of by the loads' speeds; the guide's friction is kept."""
 RIDGE = 0.995
 """RMS, over that of a fit, from which on another valley is a better one (chosen)."""
 OF_PINION = 1.0 / 3.0
@@ -62,24 +59,14 @@ WORSE = 1.02
 
 
 def settled(found: Fitted, rounds: int) -> Fitted:
-    """The fit continued with the motors' motion reconstructed from it. One that is not near begins once more with the
-    numbers put back that a wrong model drives into a corner, and if it is far, with the chain put back too."""
+    """The fit continued with the motors' motion reconstructed from it, and where it is not near, in another valley."""
     moves = reconstructed(found)
     on = fit(moves, found.model, found.at, rounds)
     if on.rms >= ENDED:
-        on = min(on, put_back(moves, found, rounds), key=lambda f: f.rms)
-    if on.rms >= SOUND:
-        on = min(on, put_back(moves, found, rounds, chain(found.model)), key=lambda f: f.rms)
+        on = over_ridges(on)
     if on.rms >= HOPELESS:
         return on
     return swung_in(as_damped(in_turns(out_of_corner(on, rounds))))
-
-
-def settled_anyhow(found: Fitted) -> Fitted:
-    """The fit of what may be missing, settled; one that stays far once more by the loads' speeds."""
-    on = settled(found, ROUNDS)
-    other = begun_by_speeds(on) if on.rms >= SOUND else on
-    return min(on, settled(other, ROUNDS), key=lambda f: f.rms) if other.rms < on.rms else on
 
 
 def out_of_corner(found: Fitted, rounds: int) -> Fitted:
@@ -89,7 +76,8 @@ def out_of_corner(found: Fitted, rounds: int) -> Fitted:
     numbers = zip(found.model.parameters, found.at.shared, strict=True)
     if found.rms < ENDED or all(abs(u) < CORNERED for p, u in numbers if p.name.rpartition(".")[2] in links):
         return found
-    begun = put_back(found.moves, found, rounds, chain(found.model))
+    at = begun_at(found.moves, found.model, put_back(found, chain(found.model)), found.at.local)
+    begun = fit(found.moves, found.model, at, rounds)
     return min(found, fit(reconstructed(begun), begun.model, begun.at, rounds), key=lambda f: f.rms)
 
 
@@ -105,18 +93,6 @@ def in_turns(found: Fitted) -> Fitted:
         if abs(on.rms - before.rms) < STILL * on.rms:
             break
     return best
-
-
-def put_back(moves: Sequence[Moves], found: Fitted, rounds: int, too: Collection[str] = ()) -> Fitted:
-    """The model of a fit fitted once more with the numbers put back that a wrong model drives into a corner, those of a
-    link that is damped as none is, and what is given `too`, without the axis' name."""
-    odd = tuple(name.removesuffix("damping_ratio") for name in overdamped(found))
-    values = {
-        name: v
-        for name, v in values_at(found).items()
-        if not name.endswith(PUT_BACK) and not name.startswith(odd) and name.rpartition(".")[2] not in too
-    }
-    return fit(moves, found.model, begun_at(moves, found.model, values, found.at.local), rounds)
 
 
 def as_damped(found: Fitted) -> Fitted:
@@ -177,20 +153,8 @@ def ended(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
         if gained < GAIN * best.rms:
             break
     best = steady(best)
-    other = exchanged(best)
-    best = best if other is best else steady(other)
     out = trial if best is trial.model.fitted else trial_of(scene, best)
     return replace(out, model=replace(out.model, ended=True))
-
-
-def exchanged(found: Fitted) -> Fitted:
-    """The fit, or a nearer one begun with shaft and contact exchanged where the contact is the stiffer one: what swings
-    on the flanks is much the same then, and only the blows tell. Of one that may be the right one, and is not yet."""
-    other = softer_contact(values_at(found), found.model)
-    if other is None or not DESCRIBED < found.rms < HOPELESS:
-        return found
-    at = begun_at(found.moves, found.model, other, found.at.local)
-    return min(found, fit(found.moves, found.model, at, ROUNDS), key=lambda f: f.rms)
 
 
 def with_own_errors(found: Fitted) -> Fitted:
@@ -209,9 +173,8 @@ def steady(found: Fitted) -> Fitted:
     if found.rms >= HOPELESS:
         return found
     white = agreed(whitened(found, True))
-    for lasting in SUMMED:
-        other = over_the_ridge(white, lasting)
-        white = agreed(other) if other.rms < RIDGE * white.rms else white
+    other = over_ridges(white)
+    white = agreed(other) if other.rms < RIDGE * white.rms else white
     return whitened(white, False)
 
 
@@ -229,11 +192,6 @@ def agreed(found: Fitted) -> Fitted:
         if turn and change < STEADY:
             break
     return found
-
-
-def over_the_ridge(found: Fitted, lasting: float) -> Fitted:
-    """The fit begun once more by the loads' speeds, in whose valley it may not be."""
-    return speeds_first(found.moves, found.model, found.at, lasting, ROUNDS)
 
 
 def in_full(found: Fitted) -> Fitted:

@@ -40,8 +40,9 @@ from service.identification.scene import Scene
 from service.identification.selection import EXPLAINED, gone
 from service.recording import FloatArray
 
-GLIMPSE, FROM_AFAR = 2, 10
-"""Rounds after which a candidate is given up that is far off, and from a start that is far off itself."""
+GLIMPSE, FROM_AFAR, HALF = 2, 10, 5
+"""Rounds after which a candidate is given up that is far off, and from a start that is far off itself; and half the
+latter, after which only the best of several is continued."""
 PLACED = 3
 """Shapes with which the numbers of an effect that swings are fitted alone, or that are followed from afar: a spectrum
 of few periods has several maxima."""
@@ -150,9 +151,11 @@ def glimpsed(scene: Scene, found: Fitted, candidate: Candidate, known: float) ->
     swinging = [point_at(candidate.model, one, few) for one in heard_on_typical_machines(scene, candidate)]
     strong = [] if gone(found.rms, known, EXPLAINED) else strong_either_way(found, candidate)
     begun = [typical, *(begun_at(few, candidate.model, one) for one in strong)]
+    first = sorted((fit(few, candidate.model, at, HALF) for at in begun), key=lambda f: f.rms)
     return [
         *glimpses,
-        *(fit(few, candidate.model, at, FROM_AFAR) for at in begun),
+        *(fit(few, candidate.model, f.at, HALF) for f in first[:1]),
+        *first[1:],
         *(speeds_first(few, candidate.model, at, SUMMED[0], FROM_AFAR) for at in swinging),
     ]
 
@@ -162,7 +165,7 @@ def from_afar(found: Fitted, candidate: Candidate) -> list[Fitted]:
     machine, and all places, into another valley."""
     few = fewer(found)
     begun = [point_at(candidate.model, one, few) for one in on_typical_machines(candidate)]
-    speeds = [fit(of_speed(few, SUMMED[0]), candidate.model, at, FROM_AFAR) for at in begun]
+    speeds = [fit(of_speed(few, SUMMED[0]), candidate.model, at, HALF) for at in begun]
     best = sorted(speeds, key=lambda f: f.rms)[:PLACED]
     return [fit(few, candidate.model, f.at, FROM_AFAR) for f in best]
 

@@ -29,7 +29,6 @@ from service.identification.moves_end import (
     SOUND,
     ended,
     settled,
-    settled_anyhow,
     with_own_errors,
 )
 from service.identification.moves_looks import (
@@ -216,7 +215,7 @@ def finished(scene: Scene, trials: Mapping[str, Trial[Explained]]) -> dict[str, 
     for name in sorted(last, key=lambda name: swings_at_all(trials[name].model.fitted.model)):
         nearest = min((out[other].train_rms for other in done), default=np.inf)
         if nearest > ENDED or out[name].train_rms < BEHIND * nearest:
-            out[name] = trial_of(scene, settled_anyhow(with_own_errors(out[name].model.fitted)))
+            out[name] = trial_of(scene, settled(with_own_errors(out[name].model.fitted), ROUNDS))
             done.append(name)
     sound = [name for name in done if not out[name].at_limits]
     near = leading({name: distance(out[name]) for name in sound}, FINALISTS)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from service.identification import axis_explain
-from service.identification.axis_explain import BEYOND, LIMITS, missing_in
+from service.identification.axis_explain import BEYOND, HIDDEN, LIMITS, OF_HIDDEN, missing_in
 from service.identification.selection import Selection, Trial
 
 
@@ -26,6 +26,9 @@ def trial(train: float, held_out: float) -> Trial[Any]:
         ((1.1, 1.2), ("hung_mass_mode",), True, ["zero"]),
         ((1.1, 1.2), ("sensor_bias",), True, []),
         ((1.7, 1.8), (), True, ["zero", "all"]),
+        ((0.97, 1.22), (), False, ["hidden"]),
+        ((0.97, 1.12), (), False, ["all"]),
+        ((1.1, 1.22), (), False, ["all"]),
     ],
 )
 def test_beyond_what_is_accepted_only_more_than_a_law_leaves_is_searched(
@@ -38,7 +41,9 @@ def test_beyond_what_is_accepted_only_more_than_a_law_leaves_is_searched(
     said: list[str] = []
 
     def searched(_scene: Any, before: Trial[Any], _tell: Any, limits: Any, first: Any = ()) -> Selection[Any]:
-        said.append("zero" if first else {id(LIMITS): "all", id(BEYOND): "beyond"}[id(limits)])
+        names = {id(LIMITS): "zero" if first else "all", id(BEYOND): "beyond", id(OF_HIDDEN): "hidden"}
+        assert (first == HIDDEN) == (limits is OF_HIDDEN)
+        said.append(names[id(limits)])
         return Selection(before, before, (), (), ())
 
     monkeypatch.setattr(axis_explain, "searched", searched)
@@ -46,3 +51,7 @@ def test_beyond_what_is_accepted_only_more_than_a_law_leaves_is_searched(
     found = missing_in(scene, trial(*errors), accepted, lambda _text: None)
     assert said == asked
     assert found.effects == ()
+
+
+def test_a_second_gap_is_what_a_fit_may_hide() -> None:
+    assert [kind.name for kind in HIDDEN] == ["gearbox_clearance"]

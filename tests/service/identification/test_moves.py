@@ -37,8 +37,7 @@ from service.backlash.signals import summed
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_library import DRIVEN
 from service.identification.held_out import told_by_train
-from service.identification.moves_end import SUMMED, over_the_ridge, steady
-from service.identification.moves_starts import ROUNDS
+from service.identification.moves_end import steady
 from service.identification.scene import smeared
 from service.recording import Recording, Trace
 from tests.service.identification.with_a_clearance import with_a_clearance
@@ -52,21 +51,6 @@ def test_residuals_of_speed_fade_by_their_share_and_stay_white_ones_of_one() -> 
     np.testing.assert_array_equal(summed(impulse, 0.8)[0], 0.0)
     noise = np.random.default_rng(8).normal(0.0, 1.0, 200_000)
     assert np.std(summed(noise, 0.95)) == pytest.approx(1.0, abs=0.03)
-
-
-def test_a_contact_that_is_met_in_another_swing_is_found_by_the_speeds(found: Fitted) -> None:
-    """Begun with a contact of two fifths of its stiffness, every impact comes late and swings too slowly."""
-    names = [p.name for p in found.model.parameters]
-    k = names.index("X1.contact_stiffness")
-    shared = found.at.shared.copy()
-    shared[k] = float(found.model.parameters[k].internal(0.4 * found.value("X1.contact_stiffness")))
-    right = fit(found.moves, found.model, found.at, ROUNDS)
-    other = fit(found.moves, found.model, Point(shared, found.at.local), ROUNDS)
-    over = other
-    for lasting in SUMMED:
-        over = over_the_ridge(over, lasting)
-    assert over.rms < 1.05 * right.rms
-    assert over.rms < other.rms
 
 
 def test_a_noisier_drive_makes_larger_errors_expected(

@@ -51,7 +51,7 @@ def test_all_finalists_that_are_near_are_ended_before_one_is_chosen(monkeypatch:
     trials = {name: trial(name, *both) for name, both in errors.items()}
     monkeypatch.setattr(moves_search, "swings_at_all", lambda _model: False)
     monkeypatch.setattr(moves_search, "with_own_errors", lambda fitted: fitted)
-    monkeypatch.setattr(moves_search, "settled_anyhow", lambda fitted: fitted)
+    monkeypatch.setattr(moves_search, "settled", lambda fitted, _rounds: fitted)
     monkeypatch.setattr(moves_search, "trial_of", lambda _scene, fitted: trials[fitted.model])
     asked: list[tuple[str, float]] = []
 
@@ -80,7 +80,7 @@ def test_where_none_is_anywhere_near_the_nearest_alone_is_settled(
     asked: list[str] = []
     monkeypatch.setattr(moves_search, "swings_at_all", lambda _model: False)
     monkeypatch.setattr(moves_search, "with_own_errors", lambda fitted: asked.append(fitted.model) or fitted)
-    monkeypatch.setattr(moves_search, "settled_anyhow", lambda fitted: fitted)
+    monkeypatch.setattr(moves_search, "settled", lambda fitted, _rounds: fitted)
     monkeypatch.setattr(moves_search, "trial_of", lambda _scene, fitted: trials[fitted.model])
     monkeypatch.setattr(moves_search, "to_the_end", lambda _scene, one, *_: one)
     moves_search.finished(cast(Any, None), cast(Any, trials))

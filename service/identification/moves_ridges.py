@@ -1,0 +1,93 @@
+"""Over the ridges between the valleys of a fit.
+
+How a chain swings is much the same with its springs or its masses otherwise divided, and a delay is much the same as a
+clock that is off: a fit that has gone one of these ways ends in a valley of its own, a little off the moves and far off
+others. A round of a few moves costs a fifth of one of all, so many other chains are tried on these, and all moves are
+fitted only from one that a few say to be nearer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+
+import numpy as np
+
+from service.backlash.moves import few_of
+from service.backlash.moves_begun import Values, shared_at
+from service.backlash.moves_fit import FAR, Fitted, Point, fit, values_at
+from service.identification.held_out import overdamped
+from service.identification.moves_starts import (
+    BRIEF,
+    FEW,
+    ROUNDS,
+    SUMMED,
+    TOLERANCES,
+    begun_at,
+    chain,
+    fewer,
+    softer_contact,
+    speeds_first,
+)
+from service.recording import FloatArray
+
+PUT_BACK = ("turnover_speed", "turnover_spread", "coulomb", "viscous", "damping_ratio", "smear")
+"""Parameters that a wrong model drives into a corner from which a fit comes back slowly."""
+SEED = 1
+"""Of the random numbers: a recording is explained alike every time."""
+CHAINS, WIDTHS = 20, (0.1, 1.0)
+"""How many chains are tried, and between which shares of their priors' widths they differ from the fit's (chosen)."""
+QUICK, FOLLOWED, LAST = 2, 6, 2
+"""Rounds after which most are given up, how many are followed by as many rounds as starts are compared with, and how
+many of those to their end."""
+NEARER = 0.99
+"""How much nearer to a few moves another valley must be (chosen: of their RMS a part in a hundred is no chance)."""
+
+
+def over_ridges(found: Fitted) -> Fitted:
+    """The fit begun once more in the valley that a few moves say is nearer, or itself where they say none is, or all
+    moves do not."""
+    few, own = fewer(found), (found.at.local[0][few_of(found.moves[0], FEW)],)
+    here = fit(few, found.model, Point(found.at.shared, own), BRIEF)
+    tried = [fit(few, found.model, Point(shared, own), QUICK) for shared in other_chains(found)]
+    begun = [one.at for one in nearest(tried, FOLLOWED)]
+    back = [begun_at(few, found.model, put_back(found, too), own) for too in ((), chain(found.model))]
+    alive = [fit(few, found.model, at, BRIEF) for at in (*begun, *back)]
+    alive += [
+        speeds_first(few, found.model, at, lasting, BRIEF) for at in (here.at, back[-1]) for lasting in SUMMED
+    ]
+    best = nearest([fit(few, found.model, one.at, ROUNDS) for one in nearest(alive, LAST)], 1)[0]
+    if best.rms > NEARER * here.rms:
+        return found
+    at = begun_at(found.moves, found.model, values_at(best), found.at.local)
+    return min(found, fit(found.moves, found.model, at, ROUNDS), key=lambda f: f.rms)
+
+
+def put_back(found: Fitted, too: Collection[str] = ()) -> Values:
+    """The values of a fit without those that a wrong model drives into a corner, those of a link that is damped as none
+    is, and what is given `too`, without the axis' name."""
+    odd = tuple(name.removesuffix("damping_ratio") for name in overdamped(found))
+    return {
+        name: v
+        for name, v in values_at(found).items()
+        if not name.endswith(PUT_BACK) and not name.startswith(odd) and name.rpartition(".")[2] not in too
+    }
+
+
+def nearest(fits: Sequence[Fitted], count: int) -> list[Fitted]:
+    """The nearest of the fits to their moves."""
+    return sorted(fits, key=lambda f: f.rms)[:count]
+
+
+def other_chains(found: Fitted) -> Iterator[FloatArray]:
+    """Coordinates (P,) of a fit with another chain between motor and flanks, and nothing that a clock or a smear adds:
+    where the contact is the stiffer one it and the shaft exchanged, then at random about the fit's."""
+    model, rng = found.model, np.random.default_rng(SEED)
+    short = [p.name.rpartition(".")[2] for p in model.parameters]
+    plain = np.where([name in TOLERANCES for name in short], 0.0, found.at.shared)
+    if exchanged := softer_contact(values_at(found), model):
+        yield shared_at(model, exchanged)
+    links = np.flatnonzero([name in chain(model) for name in short])
+    for width in np.geomspace(*WIDTHS, CHAINS):
+        shared = plain.copy()
+        shared[links] += width * rng.standard_normal(len(links))
+        yield np.clip(shared, -FAR, FAR)

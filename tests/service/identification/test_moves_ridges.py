@@ -1,0 +1,80 @@
+"""Valleys beside that in which a fit ended."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from service.backlash.moves_fit import FAR, Fitted, Point, fit
+from service.dynamics.driven_model import Model
+from service.identification import moves_ridges
+from service.identification.moves_ridges import over_ridges, put_back
+from service.identification.moves_starts import ROUNDS
+
+
+def begun_with(found: Fitted, **factors: float) -> Fitted:
+    """A fit of all moves, begun with some numbers of X1 wrong by these factors."""
+    names = [p.name for p in found.model.parameters]
+    shared = found.at.shared.copy()
+    for name, factor in factors.items():
+        k = names.index(f"X1.{name}")
+        shared[k] = float(found.model.parameters[k].internal(factor * found.value(names[k])))
+    return fit(found.moves, found.model, Point(shared, found.at.local), ROUNDS)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"contact_stiffness": 0.4}, {"gear_stiffness": 0.3, "pinion_stiffness": 3.0}],
+    ids=["every impact comes late", "springs otherwise divided"],
+)
+def test_a_fit_that_ended_in_another_valley_is_carried_to_the_right_one(
+    found: Fitted, wrong: dict[str, float]
+) -> None:
+    right = fit(found.moves, found.model, found.at, ROUNDS)
+    other = begun_with(found, **wrong)
+    assert other.rms > 1.03 * right.rms
+    assert over_ridges(other).rms < 1.01 * right.rms
+
+
+def test_a_fit_stays_where_no_other_valley_is_nearer(found: Fitted) -> None:
+    right = fit(found.moves, found.model, found.at, ROUNDS)
+    assert over_ridges(right) is right
+
+
+def test_other_chains_differ_in_nothing_but_the_chain_and_the_tolerances(found: Fitted) -> None:
+    """And the contact may be the shaft, where it is the stiffer one."""
+    names = [p.name.removeprefix("X1.") for p in found.model.parameters]
+    shared = found.at.shared.copy()
+    shared[names.index("clock_offset")] = 1.5
+    at = cast(Any, SimpleNamespace(shared=shared, local=found.at.local))
+    other = Fitted(found.model, found.moves, at, found.r, found.free)
+    swapped = found.value("X1.contact_stiffness") > found.value("X1.pinion_stiffness")
+    tried = list(moves_ridges.other_chains(other))
+    assert len(tried) == moves_ridges.CHAINS + swapped
+    for at_random in tried[swapped:]:
+        changed = {n for n, a, b in zip(names, shared, at_random, strict=True) if a != b}
+        assert {"gear_mass", "pinion_stiffness", "clock_offset"} <= changed
+        assert not changed & {"backlash", "coulomb", "viscous", "contact_stiffness"}
+        assert at_random[names.index("clock_offset")] == 0.0
+        assert np.all(np.abs(at_random) <= FAR)
+    again = list(moves_ridges.other_chains(other))
+    np.testing.assert_array_equal(tried, again)
+
+
+def test_what_a_wrong_model_drove_away_is_put_back_and_a_link_that_is_damped_as_none_is(
+    monkeypatch: Any,
+) -> None:
+    names = ("backlash", "coulomb", "contact_stiffness", "gear_stiffness", "gear_mass", "pinion_mass")
+    values = {f"X1.{name}": 1.0 for name in names} | {"body_ratio": 0.3}
+    monkeypatch.setattr(moves_ridges, "values_at", lambda _found: values)
+    found = cast(Any, SimpleNamespace(model=Model(("X1",), 2)))
+    for odd, too, gone in (
+        ((), (), {"coulomb"}),
+        (("X1.gear_damping_ratio",), (), {"coulomb", "gear_stiffness", "gear_mass"}),
+        ((), ("gear_mass", "pinion_mass"), {"coulomb", "gear_mass", "pinion_mass"}),
+    ):
+        monkeypatch.setattr(moves_ridges, "overdamped", lambda _found, odd=odd: odd)
+        assert set(values) - set(put_back(found, too)) == {f"X1.{name}" for name in gone}
