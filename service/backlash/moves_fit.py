@@ -25,7 +25,7 @@ OVERFLOWN = 1e8
 LADDER = np.array([0.01, 0.1, 0.5, 2.0, 10.0, 1e3])
 """Dampings tried at once around the last good one."""
 OWN_LADDER = np.array([0.01, 0.7, 30.0])
-"""The same of each move's own coordinates, which are few: more bring no fit nearer."""
+"""The same of each move's own coordinates, which are few (chosen)."""
 REST_PLACES = (0.0, -0.05, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0, 1.05)
 """Shares of the gap behind the driving flank at which the pinion may rest when a move begins."""
 CLOSE_PLACES = tuple(np.linspace(-0.05, 1.05, 45))

@@ -2,7 +2,7 @@
 
 How a chain swings is much the same with its springs or its masses otherwise divided, and a delay is much the same as a
 clock that is off: a fit that has gone one of these ways ends in a valley of its own, a little off the moves and far off
-others. A round of a few moves costs a fifth of one of all, so many other chains are tried on these, and all moves are
+others. A round of a few moves is cheap beside one of all, so many other chains are tried on these, and all moves are
 fitted only from one that a few say to be nearer.
 """
 
