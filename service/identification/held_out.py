@@ -229,7 +229,8 @@ def in_the_gap(moves: Sequence[Moves], model: Model, at: Point) -> Point:
 
 
 def trial_of(scene: Scene, found: Fitted, thorough: bool = True) -> Trial[Explained]:
-    """A fit with its errors on the held-out moves, over what is expected of them, in blocks of a fifth of a move."""
+    """A fit with its errors on the held-out moves, over what is expected of them, in blocks of a fifth of a move. The
+    motor's motion in them is a spline unless `thorough` and the fit is near."""
     held = held_out(scene.validate, found, thorough and found.rms < NEAR)
     errors = held.weighed
     over = held.doubt * errors

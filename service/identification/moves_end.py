@@ -60,8 +60,7 @@ WORSE = 1.02
 
 def settled(found: Fitted, rounds: int) -> Fitted:
     """The fit continued with the motors' motion reconstructed from it, and where it is not near, in another valley."""
-    moves = reconstructed(found)
-    on = fit(moves, found.model, found.at, rounds)
+    on = fit(reconstructed(found), found.model, found.at, rounds)
     if on.rms >= ENDED:
         on = over_ridges(on)
     if on.rms >= HOPELESS:

@@ -40,9 +40,10 @@ from service.identification.scene import Scene
 from service.identification.selection import EXPLAINED, gone
 from service.recording import FloatArray
 
-GLIMPSE, FROM_AFAR, HALF = 2, 10, 5
-"""Rounds after which a candidate is given up that is far off, and from a start that is far off itself; and half the
-latter, after which only the best of several is continued."""
+GLIMPSE, FROM_AFAR = 2, 10
+"""Rounds after which a candidate is given up that is far off, and from a start that is far off itself."""
+HALF = FROM_AFAR // 2
+"""Rounds after which only the best of several such starts are continued."""
 PLACED = 3
 """Shapes with which the numbers of an effect that swings are fitted alone, or that are followed from afar: a spectrum
 of few periods has several maxima."""

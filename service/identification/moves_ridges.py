@@ -28,19 +28,17 @@ from service.identification.moves_starts import (
     softer_contact,
     speeds_first,
 )
+from service.identification.moves_valleys import QUICK, SEED
 from service.recording import FloatArray
 
 PUT_BACK = ("turnover_speed", "turnover_spread", "coulomb", "viscous", "damping_ratio", "smear")
 """Parameters that a wrong model drives into a corner from which a fit comes back slowly."""
-SEED = 1
-"""Of the random numbers: a recording is explained alike every time."""
 CHAINS, WIDTHS = 20, (0.1, 1.0)
 """How many chains are tried, and between which shares of their priors' widths they differ from the fit's (chosen)."""
-QUICK, FOLLOWED, LAST = 2, 6, 2
-"""Rounds after which most are given up, how many are followed by as many rounds as starts are compared with, and how
-many of those to their end."""
+FOLLOWED, LAST = 6, 2
+"""How many of them are followed by as many rounds as starts are compared with, and how many of those to their end."""
 NEARER = 0.99
-"""How much nearer to a few moves another valley must be (chosen: of their RMS a part in a hundred is no chance)."""
+"""How much nearer to a few moves another valley must be (chosen; all moves decide)."""
 
 
 def over_ridges(found: Fitted) -> Fitted:
@@ -49,13 +47,13 @@ def over_ridges(found: Fitted) -> Fitted:
     few, own = fewer(found), (found.at.local[0][few_of(found.moves[0], FEW)],)
     here = fit(few, found.model, Point(found.at.shared, own), BRIEF)
     tried = [fit(few, found.model, Point(shared, own), QUICK) for shared in other_chains(found)]
-    begun = [one.at for one in nearest(tried, FOLLOWED)]
+    begun = [one.at for one in leading(tried, FOLLOWED)]
     back = [begun_at(few, found.model, put_back(found, too), own) for too in ((), chain(found.model))]
     alive = [fit(few, found.model, at, BRIEF) for at in (*begun, *back)]
     alive += [
         speeds_first(few, found.model, at, lasting, BRIEF) for at in (here.at, back[-1]) for lasting in SUMMED
     ]
-    best = nearest([fit(few, found.model, one.at, ROUNDS) for one in nearest(alive, LAST)], 1)[0]
+    best = leading([fit(few, found.model, one.at, ROUNDS) for one in leading(alive, LAST)], 1)[0]
     if best.rms > NEARER * here.rms:
         return found
     at = begun_at(found.moves, found.model, values_at(best), found.at.local)
@@ -73,14 +71,14 @@ def put_back(found: Fitted, too: Collection[str] = ()) -> Values:
     }
 
 
-def nearest(fits: Sequence[Fitted], count: int) -> list[Fitted]:
-    """The nearest of the fits to their moves."""
+def leading(fits: Sequence[Fitted], count: int) -> list[Fitted]:
+    """The fits that are nearest to their moves."""
     return sorted(fits, key=lambda f: f.rms)[:count]
 
 
 def other_chains(found: Fitted) -> Iterator[FloatArray]:
-    """Coordinates (P,) of a fit with another chain between motor and flanks, and nothing that a clock or a smear adds:
-    where the contact is the stiffer one it and the shaft exchanged, then at random about the fit's."""
+    """Coordinates (P,) of a fit with another chain between motor and flanks: where the contact is the stiffer one it
+    and the shaft exchanged, then at random about the fit's and without what a clock or a smear adds."""
     model, rng = found.model, np.random.default_rng(SEED)
     short = [p.name.rpartition(".")[2] for p in model.parameters]
     plain = np.where([name in TOLERANCES for name in short], 0.0, found.at.shared)

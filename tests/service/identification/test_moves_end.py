@@ -80,13 +80,12 @@ def test_a_chain_in_a_corner_is_begun_anew_with_a_motion_of_its_own(
     monkeypatch.setattr(moves_end, "chain", lambda _model: {"gear_mass"})
     monkeypatch.setattr(moves_end, "begun_at", lambda _m, _n, values, _local: values)
     monkeypatch.setattr(moves_end, "reconstructed", lambda one: one.name)
-    monkeypatch.setattr(
-        moves_end,
-        "fit",
-        lambda moves, _m, at, _r: stub(
-            again if moves == "typical" else 9.0, *(at if isinstance(at, dict) else ())
-        ),
-    )
+
+    def refit(moves: Any, _model: Any, at: Any, _rounds: int) -> Any:
+        begun = at == {"typical": 1.0}
+        return stub(again if moves == "typical" else 9.0, "typical" if begun else "")
+
+    monkeypatch.setattr(moves_end, "fit", refit)
     assert moves_end.out_of_corner(found, 3).rms == kept
 
 

@@ -45,23 +45,37 @@ def test_a_fit_stays_where_no_other_valley_is_nearer(found: Fitted) -> None:
 
 
 def test_other_chains_differ_in_nothing_but_the_chain_and_the_tolerances(found: Fitted) -> None:
-    """And the contact may be the shaft, where it is the stiffer one."""
-    names = [p.name.removeprefix("X1.") for p in found.model.parameters]
-    shared = found.at.shared.copy()
-    shared[names.index("clock_offset")] = 1.5
-    at = cast(Any, SimpleNamespace(shared=shared, local=found.at.local))
-    other = Fitted(found.model, found.moves, at, found.r, found.free)
-    swapped = found.value("X1.contact_stiffness") > found.value("X1.pinion_stiffness")
+    names, other = with_contact_and_shaft(found, 6e5, 7e5)
     tried = list(moves_ridges.other_chains(other))
-    assert len(tried) == moves_ridges.CHAINS + swapped
-    for at_random in tried[swapped:]:
-        changed = {n for n, a, b in zip(names, shared, at_random, strict=True) if a != b}
+    assert len(tried) == moves_ridges.CHAINS
+    for at_random in tried:
+        changed = {n for n, a, b in zip(names, other.at.shared, at_random, strict=True) if a != b}
         assert {"gear_mass", "pinion_stiffness", "clock_offset"} <= changed
         assert not changed & {"backlash", "coulomb", "viscous", "contact_stiffness"}
         assert at_random[names.index("clock_offset")] == 0.0
         assert np.all(np.abs(at_random) <= FAR)
-    again = list(moves_ridges.other_chains(other))
-    np.testing.assert_array_equal(tried, again)
+    np.testing.assert_array_equal(tried, list(moves_ridges.other_chains(other)))
+
+
+def test_a_contact_that_is_stiffer_than_the_shaft_may_be_the_shaft(found: Fitted) -> None:
+    names, other = with_contact_and_shaft(found, 2e6, 7e5)
+    exchanged, *at_random = moves_ridges.other_chains(other)
+    assert len(at_random) == moves_ridges.CHAINS
+    for name, now in (("contact_stiffness", 7e5), ("pinion_stiffness", 2e6)):
+        k = names.index(name)
+        assert found.model.parameters[k].value(exchanged[k]) == pytest.approx(now)
+    others = [k for k, name in enumerate(names) if name not in ("contact_stiffness", "pinion_stiffness")]
+    np.testing.assert_allclose(exchanged[others], other.at.shared[others], atol=1e-9)
+
+
+def with_contact_and_shaft(found: Fitted, contact: float, shaft: float) -> tuple[list[str], Fitted]:
+    """A fit's numbers by name, and the fit with two stiffnesses of these values and a clock that is off."""
+    names = [p.name.removeprefix("X1.") for p in found.model.parameters]
+    shared = found.at.shared.copy()
+    shared[names.index("clock_offset")] = 1.5
+    for name, value in (("contact_stiffness", contact), ("pinion_stiffness", shaft)):
+        shared[names.index(name)] = float(found.model.parameters[names.index(name)].internal(value))
+    return names, Fitted(found.model, found.moves, Point(shared, found.at.local), found.r, found.free)
 
 
 def test_what_a_wrong_model_drove_away_is_put_back_and_a_link_that_is_damped_as_none_is(
