@@ -58,10 +58,12 @@ WORSE = 1.02
 """How much farther from the moves a fit may be that takes from the rests what swings."""
 
 
-def settled(found: Fitted, rounds: int) -> Fitted:
-    """The fit continued with the motors' motion reconstructed from it, and where it is not near, in another valley."""
+def settled(found: Fitted, rounds: int, steadied: float = 0.0) -> Fitted:
+    """The fit continued with the motors' motion reconstructed from it, and where it is not near, in another valley.
+    One below the RMS at which it is `steadied` next is looked at for that then, unless it swings."""
     on = fit(reconstructed(found), found.model, found.at, rounds)
-    if on.rms >= ENDED:
+    later = on.rms < steadied and not swings_at_all(on.model)
+    if on.rms >= ENDED and not later:
         on = over_ridges(on)
     if on.rms >= HOPELESS:
         return on
@@ -147,7 +149,7 @@ def ended(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
     best = with_own_errors(in_full(trial.model.fitted))
     more = MORE if swings_at_all(best.model) else 1
     for _ in range(more if best.rms < HOPELESS else 0):
-        further = settled(best, ROUNDS)
+        further = settled(best, ROUNDS, HOPELESS)
         gained, best = best.rms - further.rms, min(best, further, key=lambda f: f.rms)
         if gained < GAIN * best.rms:
             break

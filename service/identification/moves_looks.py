@@ -24,6 +24,7 @@ from service.identification.moves_starts import (
     begun_at,
     fewer,
     grounds,
+    hardly_any,
     heard_on_typical_machines,
     likely,
     of_speed,
@@ -44,6 +45,9 @@ GLIMPSE, FROM_AFAR = 2, 10
 """Rounds after which a candidate is given up that is far off, and from a start that is far off itself."""
 HALF = FROM_AFAR // 2
 """Rounds after which only the best of several such starts are continued."""
+STRONG = 3
+"""Rounds after which only the best of a candidate's strong starts is continued (chosen: hardly any of them leads to its
+best fit)."""
 PLACED = 3
 """Shapes with which the numbers of an effect that swings are fitted alone, or that are followed from afar: a spectrum
 of few periods has several maxima."""
@@ -125,11 +129,11 @@ def compared(
     if least > NEAR:
         hopeful = sorted(hopeful, key=lambda one: nearest(looks[one.name]))[:HOPES]
     split = [one for one in library if one.effect.many_valleys and one not in hopeful]
-    places = grounds(scene, found)
+    places, present = grounds(scene, found), on_a_few_moves(found).rms
     for one in sorted([*hopeful, *split], key=lambda one: nearest(looks[one.name])):
         now = nearest(looks[one.name])
         all_but_gone = gone(found.rms, least, EXPLAINED)
-        near = now < (AS_NEAR if all_but_gone else FAR_OFF) * least
+        near = now < (as_near(least, present) if all_but_gone else FAR_OFF * least)
         divided = one.effect.many_valleys and (found.rms < DESCRIBED or not all_but_gone)
         if divided or (near and now > ENDED and found.rms > DESCRIBED):
             looks[one.name] += second_look(scene, found, places, one)
@@ -139,12 +143,21 @@ def compared(
     return out
 
 
+def as_near(least: float, present: float) -> float:
+    """How near to a few moves is about as near as the best, which explains nearly all, by its RMS and that of the
+    present fit: an effect that explains less than half as much is not."""
+    return min(AS_NEAR * least, float(np.sqrt(0.5 * (least**2 + max(present, least) ** 2))))
+
+
 def glimpsed(scene: Scene, found: Fitted, candidate: Candidate, known: float) -> list[Fitted]:
-    """Fits of a few moves, begun where the candidate mostly finds to its best one; strong ones unless something is
-    `known` by its RMS that explains nearly all."""
+    """Fits of a few moves, begun with next to nothing of the candidate and, unless the present fit describes the moves,
+    where the candidate mostly finds to its best one; strong ones unless something is `known` by its RMS that explains
+    nearly all."""
     few = fewer(found)
     values = likely(scene, found, candidate)
-    starts = [added(found, candidate, values[0]), *(point_at(candidate.model, one, few) for one in values)]
+    near = found.rms < DESCRIBED and not candidate.effect.many_valleys
+    starts = [added(found, candidate, hardly_any(candidate, one)) for one in (values if near else values[:1])]
+    starts += [] if near else [point_at(candidate.model, one, few) for one in values]
     glimpses = [fit(few, candidate.model, at, GLIMPSE) for at in starts]
     if candidate.effect.many_valleys or found.rms < DESCRIBED:
         return glimpses
@@ -152,10 +165,10 @@ def glimpsed(scene: Scene, found: Fitted, candidate: Candidate, known: float) ->
     swinging = [point_at(candidate.model, one, few) for one in heard_on_typical_machines(scene, candidate)]
     strong = [] if gone(found.rms, known, EXPLAINED) else strong_either_way(found, candidate)
     begun = [typical, *(begun_at(few, candidate.model, one) for one in strong)]
-    first = sorted((fit(few, candidate.model, at, HALF) for at in begun), key=lambda f: f.rms)
+    first = sorted((fit(few, candidate.model, at, STRONG) for at in begun), key=lambda f: f.rms)
     return [
         *glimpses,
-        *(fit(few, candidate.model, f.at, HALF) for f in first[:1]),
+        *(fit(few, candidate.model, f.at, BRIEF) for f in first[:1]),
         *first[1:],
         *(speeds_first(few, candidate.model, at, SUMMED[0], FROM_AFAR) for at in swinging),
     ]
@@ -172,8 +185,8 @@ def from_afar(found: Fitted, candidate: Candidate) -> list[Fitted]:
 
 
 def looked_at(glimpses: Sequence[Fitted]) -> list[Fitted]:
-    """The fits continued, the best of them as long again."""
-    looks = [fit(f.moves, f.model, f.at, BRIEF - GLIMPSE) for f in glimpses]
+    """The better half of the fits continued, the best of them as long again."""
+    looks = better_half_on(glimpses, BRIEF - GLIMPSE)
     best = min(looks, key=lambda f: f.rms)
     return [*looks, fit(best.moves, best.model, best.at, BRIEF)]
 

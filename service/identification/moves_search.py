@@ -50,6 +50,8 @@ from service.identification.moves_starts import (
     begun_at,
     candidates,
     fewer,
+    hardly_any,
+    on_a_few_moves,
     placed,
     scored,
     unanswering,
@@ -70,6 +72,9 @@ TURNS_OF_RESTS = 2
 """How often the rests of two coupled axes are found anew after the first time."""
 RIVAL = 0.75
 """How near to the best of a candidate's fits of a few moves another must come to be fitted to all moves beside it."""
+HARDLY_NEARER = 0.99
+"""RMS on a few moves, over that of the present fit, from which on an effect explains nothing of what is missing
+(chosen: a parameter more gains a few parts in ten thousand)."""
 SECOND = 0.9
 """How much nearer to the moves a place must be for a fit to begin there once more."""
 
@@ -165,7 +170,7 @@ def propose(
     known = min((f.rms for f in coupled.values()), default=np.inf)
     brief = compared(scene, base, tried, known, taken)
     least = min([f.rms for f in coupled.values()] + [fits[0].rms for fits in brief.values()])
-    enough = min(BEHIND * least, enough_of_few(base, taken))
+    enough = min(BEHIND * least, enough_of_few(base, taken), worth_all_moves(base))
     if taken and (out_of_reach(least, base, taken) or least > enough):
         return {}
     if out_of_reach(least, base):
@@ -189,6 +194,13 @@ def propose(
     trials = finished(scene, trials)
     best = min(tried, key=lambda c: distance(trials[c.name]))
     return trials | {best.name: in_other_shapes(scene, base, best, trials[best.name])}
+
+
+def worth_all_moves(base: Fitted) -> float:
+    """How near to a few moves an effect must come to be fitted to all, where the present fit does not describe these
+    few either: what is missing in them it would explain a part of."""
+    few = on_a_few_moves(base).rms if base.rms > DESCRIBED else 0.0
+    return HARDLY_NEARER * few if few > DESCRIBED else np.inf
 
 
 def begun_again(
@@ -278,12 +290,12 @@ def shaped(base: Fitted, candidate: Candidate, shape: Values) -> Fitted:
     """The candidate on all moves, begun with next to nothing of the effect: friction is fitted first, then all but the
     effect's shape, then all."""
     model, moves = candidate.model, unanswering(base.moves)
-    nothing = {p.name: 0.01 * p.dose for p in candidate.effect.parameters if p.dose}
+    amounts = {p.name for p in candidate.effect.parameters if p.dose}
     form = {p.name for p in candidate.effect.parameters if not p.dose}
     names = [p.name for p in model.parameters]
-    friction = [k for k, name in enumerate(names) if name in nothing or name.endswith(GUIDE)]
+    friction = [k for k, name in enumerate(names) if name in amounts or name.endswith(GUIDE)]
     all_but_shape = [k for k, name in enumerate(names) if name not in form]
-    at = begun_at(moves, model, {**shape, **nothing}, widened(base.at.local, model))
+    at = begun_at(moves, model, hardly_any(candidate, shape), widened(base.at.local, model))
     found = fit(moves, model, at, FIRST_ROUNDS, free=np.array(friction))
     found = fit(moves, model, found.at, ROUNDS, free=np.array(all_but_shape))
     return fit(moves, model, found.at, ROUNDS)
@@ -335,8 +347,8 @@ def finalists(trials: Mapping[str, Trial[Explained]]) -> list[str]:
 
 def challenged(scene: Scene, present: Trial[Explained], best: Trial[Explained]) -> Trial[Explained]:
     """The present model fitted once more from where the best candidate ended, without the candidate's effect, so that
-    no effect is named for having led the fit out of a poor valley. Where the candidate ended with gear and pinion
-    apart, so does the present model begin."""
+    no effect is named for having led the fit out of a poor valley; which valley is the better one, the best has found.
+    Where the candidate ended with gear and pinion apart, so does the present model begin."""
     now, other = present.model.fitted, best.model.fitted
     model = replace(now.model, lumps=other.model.lumps)
     keep = [[p.name for p in other.model.parameters].index(p.name) for p in model.parameters]
@@ -347,7 +359,7 @@ def challenged(scene: Scene, present: Trial[Explained], best: Trial[Explained]) 
     ]
     again = fit(moves, model, at, ROUNDS)
     if again.rms < BEHIND * now.rms and again.rms < HOPELESS:
-        again = settled(again, ROUNDS)
+        again = settled(again, ROUNDS, np.inf)
     return trial_of(scene, again) if again.rms < 0.99 * now.rms else present
 
 

@@ -37,6 +37,8 @@ TOO_MUCH = 4.0
 than a split gap."""
 TOLERANCES = ("clock_offset", "smear")
 """What every chain of measurement does to an impact."""
+HARDLY_ANY = 0.01
+"""Of a dose of an effect, what is next to nothing, and yet has a slope."""
 GUIDE = ("coulomb", "viscous")
 """A guide's friction, which a missing gap hardly drives away."""
 RUBBED = (-1.0, 0.0, 1.0, 2.0)
@@ -276,6 +278,12 @@ def added(found: Fitted, candidate: Candidate, values: Values) -> Point:
     own = [float(p.internal(values[p.name])) for p in candidate.effect.parameters]
     begun = widened((found.at.local[0][few_of(found.moves[0], FEW)],), candidate.model)
     return Point(np.concatenate((found.at.shared, own)), begun)
+
+
+def hardly_any(candidate: Candidate, values: Values) -> Values:
+    """The values with next to nothing of the effect: such a start is no farther off than the present fit, and the first
+    steps find how much there is of the effect, where a dose that its score tells may lead far beyond."""
+    return {**values, **{p.name: HARDLY_ANY * p.dose for p in candidate.effect.parameters if p.dose}}
 
 
 def widened(local: Sequence[FloatArray], model: Model) -> tuple[FloatArray, ...]:

@@ -142,7 +142,7 @@ class DrivenStribeckFriction(DrivenEffect):
             speed, exponent, tail = (
                 case.values[f"{axis}.stribeck_{p}"][:, None] for p in ("speed", "exponent", "tail")
             )
-            tail = np.maximum(tail, 1e-6)
+            tail = np.maximum(tail, 1e-12)
             left = np.exp(-np.log1p(tail * np.abs(v / speed) ** exponent) / tail)
             guide.forward = guide.forward + excess
             guide.backward = guide.backward + excess

@@ -91,6 +91,7 @@ def test_a_second_look_is_for_what_may_still_be_the_best(monkeypatch: Any) -> No
     )
     monkeypatch.setattr(moves_looks, "from_afar", lambda _found, one: afar.append(one.name) or [])
     monkeypatch.setattr(moves_looks, "grounds", lambda *_: [])
+    monkeypatch.setattr(moves_looks, "on_a_few_moves", lambda found: found)
     monkeypatch.setattr(moves_looks, "best_looks", lambda looks, *_: sorted(looks, key=lambda one: one.rms))
     monkeypatch.setattr(moves_looks, "glanced", lambda looks, *_: looks)
 
@@ -140,12 +141,24 @@ def test_a_second_look_is_for_what_may_still_be_the_best(monkeypatch: Any) -> No
     assert again == ["far"], "what is near from there is looked at again"
 
 
+@pytest.mark.parametrize(
+    ("least", "present", "near"),
+    [(1.0, 16.0, 4.0 / 3.0), (1.0, 1.2, np.sqrt(1.22)), (1.0, 1.0, 1.0), (1.0, 0.9, 1.0)],
+)
+def test_about_as_near_as_the_best_is_what_explains_half_as_much(
+    least: float, present: float, near: float
+) -> None:
+    """Where little is missing, all effects are within a third of the best, those that explain nothing with them."""
+    assert moves_looks.as_near(least, present) == pytest.approx(near)
+
+
 def test_of_further_effects_only_what_comes_nearer_than_the_present_fit_is_followed(monkeypatch: Any) -> None:
     monkeypatch.setattr(moves_looks, "on_a_few_moves", lambda _found: stub(2.0))
     monkeypatch.setattr(moves_looks, "glimpsed", lambda _s, _f, one, _known: [stub(one.begun)])
     monkeypatch.setattr(moves_looks, "looked_at", lambda fits: fits)
     monkeypatch.setattr(moves_looks, "second_look", lambda *_: [])
     monkeypatch.setattr(moves_looks, "grounds", lambda *_: [])
+    monkeypatch.setattr(moves_looks, "on_a_few_moves", lambda found: found)
     monkeypatch.setattr(moves_looks, "best_looks", lambda *_: [stub(1.5, "followed")])
     monkeypatch.setattr(moves_looks, "glanced", lambda *_: [stub(1.5, "glanced")])
     library = [

@@ -232,6 +232,18 @@ def test_a_candidate_far_from_a_few_moves_is_not_fitted_to_all(monkeypatch: Any)
     assert rounds == [moves_search.FIRST_ROUNDS]
 
 
+@pytest.mark.parametrize(
+    ("base", "few", "worth"),
+    [(1.4, 1.3, 1.3 * moves_search.HARDLY_NEARER), (1.4, 1.1, np.inf), (1.1, 1.3, np.inf)],
+)
+def test_what_explains_nothing_of_a_few_moves_is_not_fitted_to_all(
+    monkeypatch: Any, base: float, few: float, worth: float
+) -> None:
+    """Unless these few are described, so that what is missing shows in others."""
+    monkeypatch.setattr(moves_search, "on_a_few_moves", lambda _found: stub(few))
+    assert moves_search.worth_all_moves(stub(base)) == worth
+
+
 def test_of_an_effect_with_many_valleys_a_fit_in_each_is_judged(monkeypatch: Any) -> None:
     """How near a few moves come, with the motor's motion that the present fit makes, says little of them."""
     ended = {1.5: 1.2, 1.6: 1.0, 1.7: 1.1}
@@ -395,3 +407,8 @@ def test_an_effect_begun_on_the_present_model_changes_nothing(shared_dir: Path) 
     for candidate in moves_starts.candidates(model, [DRIVEN["hung_mass_mode"], DRIVEN["sensor_gain"]], ()):
         begun = moves_starts.added(present, candidate, dict(candidate.effect.starts[0]))
         np.testing.assert_allclose(fit([few], candidate.model, begun, 0).r, alone.r, rtol=1e-6, atol=1e-6)
+    swinging = [kind for kind in DRIVEN.values() if not kind.many_valleys]
+    for candidate in moves_starts.candidates(model, swinging, ()):
+        strong = {**candidate.effect.starts[0], **{p.name: p.spread for p in candidate.effect.parameters}}
+        begun = moves_starts.added(present, candidate, moves_starts.hardly_any(candidate, strong))
+        assert fit([few], candidate.model, begun, 0).rms < 1.05 * alone.rms, candidate.name
