@@ -23,6 +23,7 @@ from service.identification.moves_starts import (
     begun_at,
     chain,
     fewer,
+    fitted_from,
     speeds_first,
 )
 from service.identification.scene import Scene
@@ -77,8 +78,7 @@ def out_of_corner(found: Fitted, rounds: int) -> Fitted:
     numbers = zip(found.model.parameters, found.at.shared, strict=True)
     if found.rms < ENDED or all(abs(u) < CORNERED for p, u in numbers if p.name.rpartition(".")[2] in links):
         return found
-    at = begun_at(found.moves, found.model, put_back(found, chain(found.model)), found.at.local)
-    begun = fit(found.moves, found.model, at, rounds)
+    begun = fitted_from(found, put_back(found, chain(found.model)), rounds)
     return min(found, fit(reconstructed(begun), begun.model, begun.at, rounds), key=lambda f: f.rms)
 
 
@@ -105,8 +105,7 @@ def as_damped(found: Fitted) -> Fitted:
         return found
     free = np.array([k for k, p in enumerate(found.model.parameters) if p.name not in names])
     values = {name: v for name, v in values_at(found).items() if name not in names}
-    at = begun_at(found.moves, found.model, values, found.at.local)
-    damped = fit(found.moves, found.model, at, ROUNDS, free=free)
+    damped = fitted_from(found, values, ROUNDS, free)
     if damped.rms < AS_WELL * found.rms:
         return fit(found.moves, found.model, damped.at, 0)
     out = begun_by_speeds(found)

@@ -25,6 +25,7 @@ from service.identification.moves_starts import (
     begun_at,
     chain,
     fewer,
+    fitted_from,
     softer_contact,
     speeds_first,
 )
@@ -56,8 +57,7 @@ def over_ridges(found: Fitted) -> Fitted:
     best = leading([fit(few, found.model, one.at, ROUNDS) for one in leading(alive, LAST)], 1)[0]
     if best.rms > NEARER * here.rms:
         return found
-    at = begun_at(found.moves, found.model, values_at(best), found.at.local)
-    return min(found, fit(found.moves, found.model, at, ROUNDS), key=lambda f: f.rms)
+    return min(found, fitted_from(found, values_at(best), ROUNDS), key=lambda f: f.rms)
 
 
 def put_back(found: Fitted, too: Collection[str] = ()) -> Values:

@@ -50,6 +50,7 @@ from service.identification.moves_starts import (
     begun_at,
     candidates,
     fewer,
+    fitted_from,
     hardly_any,
     on_a_few_moves,
     placed,
@@ -85,8 +86,7 @@ def as_other(found: Fitted, other: Fitted) -> Fitted:
     if other.rms > found.rms:
         return found
     values = values_at(other) | dict(found.model.effects[-1].instead(values_at(other)))
-    at = begun_at(found.moves, found.model, values, found.at.local)
-    return min(found, fit(found.moves, found.model, at, ROUNDS), key=lambda f: f.rms)
+    return min(found, fitted_from(found, values, ROUNDS), key=lambda f: f.rms)
 
 
 def glanced_at(found: Fitted, brief: Brief) -> Fitted:

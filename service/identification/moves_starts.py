@@ -19,7 +19,7 @@ import numpy as np
 from service.backlash.model_fit_problem import DIFFERENCE
 from service.backlash.moves import Moves, few_of, predict, residuals, some_of
 from service.backlash.moves_begun import Values, point_at
-from service.backlash.moves_fit import Fitted, Point, best_of_each, fit, values_at, width
+from service.backlash.moves_fit import Fitted, Free, Point, best_of_each, fit, values_at, width
 from service.dynamics.driven_model import LINKS, DrivenEffect, Model
 from service.dynamics.driven_parameters import LINK_PARAMETERS
 from service.identification.held_out import DESCRIBED, NEAR
@@ -297,3 +297,9 @@ def begun_at(moves: Sequence[Moves], model: Model, values: Values, *locals_: tup
     searched, held = point_at(model, values, moves), np.zeros(0, dtype=np.int64)
     starts = (searched, *(Point(searched.shared, local) for local in locals_))
     return best_of_each([fit(moves, model, at, BRIEF, free=held) for at in starts])
+
+
+def fitted_from(found: Fitted, values: Values, rounds: int, free: Free | None = None) -> Fitted:
+    """The model of a fit fitted to its moves once more, from other values."""
+    at = begun_at(found.moves, found.model, values, found.at.local)
+    return fit(found.moves, found.model, at, rounds, free=free)

@@ -78,14 +78,9 @@ def test_a_chain_in_a_corner_is_begun_anew_with_a_motion_of_its_own(
     found.model.parameters, found.at.shared = numbers, (6.0, mass)
     monkeypatch.setattr(moves_end, "put_back", lambda *_: {"typical": 1.0})
     monkeypatch.setattr(moves_end, "chain", lambda _model: {"gear_mass"})
-    monkeypatch.setattr(moves_end, "begun_at", lambda _m, _n, values, _local: values)
+    monkeypatch.setattr(moves_end, "fitted_from", lambda _f, values, _n: stub(9.0, *values))
     monkeypatch.setattr(moves_end, "reconstructed", lambda one: one.name)
-
-    def refit(moves: Any, _model: Any, at: Any, _rounds: int) -> Any:
-        begun = at == {"typical": 1.0}
-        return stub(again if moves == "typical" else 9.0, "typical" if begun else "")
-
-    monkeypatch.setattr(moves_end, "fit", refit)
+    monkeypatch.setattr(moves_end, "fit", lambda moves, *_: stub(again if moves == "typical" else 9.0))
     assert moves_end.out_of_corner(found, 3).rms == kept
 
 
@@ -96,8 +91,9 @@ def test_damping_that_no_chain_has_is_put_back_where_no_sample_tells_it(
     """What tells it is a fit that comes no nearer without it, nor by the loads' speeds."""
     held: list[int] = []
 
-    def refit(_moves: Any, _model: Any, _at: Any, rounds: int, free: Any = None) -> Any:
-        held.extend([] if free is None else sorted({0, 1} - set(free)))
+    def refit(_found: Any, values: dict[str, float], _rounds: int, free: Any) -> Any:
+        begun.append(values)
+        held.extend(sorted({0, 1} - set(free)))
         return SimpleNamespace(rms=without, at="sound")
 
     model = SimpleNamespace(
@@ -108,8 +104,8 @@ def test_damping_that_no_chain_has_is_put_back_where_no_sample_tells_it(
     begun: list[dict[str, float]] = []
     monkeypatch.setattr(moves_end, "overdamped", lambda _found: ("X1.gear_damping_ratio",))
     monkeypatch.setattr(moves_end, "values_at", lambda _found: values)
-    monkeypatch.setattr(moves_end, "begun_at", lambda _m, _n, at, *_: begun.append(at))
-    monkeypatch.setattr(moves_end, "fit", refit)
+    monkeypatch.setattr(moves_end, "fitted_from", refit)
+    monkeypatch.setattr(moves_end, "fit", lambda *_: SimpleNamespace(rms=without, at="sound"))
     monkeypatch.setattr(moves_end, "begun_by_speeds", lambda found: found)
     damped = moves_end.as_damped(found)
     assert (damped is found) == (kept == "overdamped")
@@ -128,8 +124,7 @@ def test_a_corner_is_left_by_the_loads_speeds_if_what_lies_behind_is_as_near(
     odd = [corner] if damped else [corner, other]
     monkeypatch.setattr(moves_end, "overdamped", lambda f: ("X1.gear_damping_ratio",) if f in odd else ())
     monkeypatch.setattr(moves_end, "values_at", lambda _found: {})
-    monkeypatch.setattr(moves_end, "begun_at", lambda *_: None)
-    monkeypatch.setattr(moves_end, "fit", lambda *_, **__: stub(2.0))
+    monkeypatch.setattr(moves_end, "fitted_from", lambda *_: stub(2.0))
     monkeypatch.setattr(moves_end, "begun_by_speeds", lambda _found: other)
     assert moves_end.as_damped(corner) is (other if left else corner)
 

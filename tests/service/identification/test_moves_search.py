@@ -272,13 +272,12 @@ def test_a_glance_moves_no_wrong_start_away_but_takes_the_zeros_along(shared_dir
 def test_an_effect_is_begun_again_where_one_ended_that_contains_it(monkeypatch: Any) -> None:
     begun: list[dict[str, float]] = []
 
-    def at(_moves: Any, _model: Any, values: dict[str, float], *_locals: Any) -> str:
+    def fitted_from(_found: Any, values: dict[str, float], _rounds: int) -> Any:
         begun.append(values)
-        return "there"
+        return stub(1.1)
 
     monkeypatch.setattr(moves_search, "values_at", lambda _f: {"X1.spring_preload": 0.2, "X1.coulomb": 0.3})
-    monkeypatch.setattr(moves_search, "begun_at", at)
-    monkeypatch.setattr(moves_search, "fit", lambda *_: stub(1.1))
+    monkeypatch.setattr(moves_search, "fitted_from", fitted_from)
     inner = stub(1.6)
     inner.model = SimpleNamespace(effects=(DRIVEN["constant_force"](("X1",)),))
     assert moves_search.as_other(inner, stub(1.8)).rms == 1.6
