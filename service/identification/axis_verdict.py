@@ -170,12 +170,15 @@ def _clear(selection: Selection[Explained], seen_at_rest: tuple[str, ...]) -> bo
 
 
 def _of_every_machine(selection: Selection[Explained]) -> bool:
-    """Whether what was found is what every sound machine has, and leaves next to nothing: also in the moves that were
-    not fitted, or it explains a part of what is missing there."""
+    """Whether what was found is what every sound machine has, and leaves next to nothing, also in the moves that were
+    not fitted, or explains a part of what is missing there; if it explains nearly all by itself, no more than its law
+    leaves that differs from the machine's."""
     before, after = selection.before, selection.after
+    by_law = left(after) <= LEFT_BY_ONE and max(after.train_rms, after.validation_rms) <= CHANGED
     everything = before.validation_rms > CHANGED and shown(after) <= LEFT_BY_CLEAN
     foretold = shown(after) <= LEFT or explained(before, after, PART)
-    return _common(selection, everything) and (_alone(selection) or (left(after) <= LEFT and foretold))
+    whole = (_alone(selection) and by_law) or (left(after) <= LEFT and foretold)
+    return whole and _common(selection, everything)
 
 
 def _explanation(selection: Selection[Explained], seen_at_rest: tuple[str, ...]) -> bool:
