@@ -53,6 +53,8 @@ HOPELESS = NEAR
 """RMS from which on neither another start nor more rounds nor what still swings makes a fit's effect the right one."""
 CORNERED = 4.5
 """Standard deviations of its prior beyond which no mass and no spring of a chain is."""
+AS_GOOD = 1.01
+"""How much farther from the moves a fit with a sound damping is where any damping is as good (chosen)."""
 AS_WELL = 1.1
 """How much farther from the moves a fit with a sound damping may be, or one that is begun elsewhere (chosen)."""
 WORSE = 1.02
@@ -99,17 +101,20 @@ def in_turns(found: Fitted) -> Fitted:
 def as_damped(found: Fitted) -> Fitted:
     """The fit with the damping ratios that no chain has at their typical values, if the moves are described about as
     well: of a spring so stiff that no sample tells how it swings, any damping is as good. Else they stand in a corner,
-    from which the way back leads over a ridge, and over a second one where the friction came along."""
+    from which the way back leads over a ridge, and over a second one where the friction came along; the nearer is
+    taken."""
     names = overdamped(found)
     if not names:
         return found
     free = np.array([k for k, p in enumerate(found.model.parameters) if p.name not in names])
     values = {name: v for name, v in values_at(found).items() if name not in names}
     damped = fitted_from(found, values, ROUNDS, free)
-    if damped.rms < AS_WELL * found.rms:
+    if damped.rms < AS_GOOD * found.rms:
         return fit(found.moves, found.model, damped.at, 0)
     out = begun_by_speeds(found)
-    return out if out.rms < AS_WELL * found.rms and not overdamped(out) else found
+    if out.rms < min(damped.rms, AS_WELL * found.rms) and not overdamped(out):
+        return out
+    return fit(found.moves, found.model, damped.at, 0) if damped.rms < AS_WELL * found.rms else found
 
 
 def begun_by_speeds(found: Fitted) -> Fitted:
@@ -169,13 +174,16 @@ def with_own_errors(found: Fitted) -> Fitted:
 def steady(found: Fitted) -> Fitted:
     """The fit continued until it and the motion of the motors that is reconstructed from it agree: each takes the other
     along, and the numbers that no sample tells by itself, such as the parts of friction, arrive last. Every move may
-    wander as the noise of its speed lets it. A hopeless fit stays what it is."""
+    wander as the noise of its speed lets it. A damping that no chain has is left here once more. A hopeless fit stays
+    what it is."""
     if found.rms >= HOPELESS:
         return found
     white = agreed(whitened(found, True))
     other = over_ridges(white)
     white = agreed(other) if other.rms < RIDGE * white.rms else white
-    return whitened(white, False)
+    still = whitened(white, False)
+    damped = as_damped(still)
+    return still if damped is still else whitened(agreed(whitened(damped, True)), False)
 
 
 def whitened(found: Fitted, white: bool) -> Fitted:

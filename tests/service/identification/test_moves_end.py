@@ -114,17 +114,19 @@ def test_damping_that_no_chain_has_is_put_back_where_no_sample_tells_it(
 
 
 @pytest.mark.parametrize(
-    ("behind", "damped", "left"), [(1.0, True, True), (1.4, True, False), (1.0, False, False)]
+    ("behind", "damped", "typical", "left"),
+    [(1.0, True, 2.0, True), (1.4, True, 2.0, False), (1.0, False, 2.0, False), (1.12, True, 1.15, True)],
 )
 def test_a_corner_is_left_by_the_loads_speeds_if_what_lies_behind_is_as_near(
-    monkeypatch: Any, behind: float, damped: bool, left: bool
+    monkeypatch: Any, behind: float, damped: bool, typical: float, left: bool
 ) -> None:
+    """The same machine with a typical damping may be about as near, and predict other moves ten times worse."""
     corner, other = stub(1.1), stub(behind)
     corner.model = SimpleNamespace(parameters=[SimpleNamespace(name="X1.gear_damping_ratio")])
     odd = [corner] if damped else [corner, other]
     monkeypatch.setattr(moves_end, "overdamped", lambda f: ("X1.gear_damping_ratio",) if f in odd else ())
     monkeypatch.setattr(moves_end, "values_at", lambda _found: {})
-    monkeypatch.setattr(moves_end, "fitted_from", lambda *_: stub(2.0))
+    monkeypatch.setattr(moves_end, "fitted_from", lambda *_: stub(typical))
     monkeypatch.setattr(moves_end, "begun_by_speeds", lambda _found: other)
     assert moves_end.as_damped(corner) is (other if left else corner)
 
