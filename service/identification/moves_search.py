@@ -22,6 +22,7 @@ from service.backlash.moves_fit import (
     width,
 )
 from service.dynamics.driven_model import DrivenEffect, Model
+from service.dynamics.effects.driven_library import DRIVEN
 from service.identification.held_out import DESCRIBED, Explained, trial_of
 from service.identification.moves_end import (
     AS_WELL,
@@ -59,7 +60,7 @@ from service.identification.moves_starts import (
     widened,
 )
 from service.identification.scene import Scene
-from service.identification.selection import UNKNOWN_NUMBERS, Trial, distance
+from service.identification.selection import LEFT_BY_CLEAN, UNKNOWN_NUMBERS, Trial, distance, shown
 
 FIRST_ROUNDS = 6
 """Rounds of a first fit of all moves."""
@@ -233,8 +234,19 @@ def finished(scene: Scene, trials: Mapping[str, Trial[Explained]]) -> dict[str, 
     near = leading({name: distance(out[name]) for name in sound}, FINALISTS)
     first = min(done, key=lambda name: distance(out[name]))
     closest = min(sound, key=lambda name: out[name].train_rms, default=first)
-    out |= {name: to_the_end(scene, out[name]) for name in {first, *near}}
+    for name in sorted({first, *near}, key=lambda name: len(out[name].model.fitted.model.parameters)):
+        if not inner_suffices(name, out):
+            out[name] = to_the_end(scene, out[name])
+    if inner_suffices(closest, out):
+        return out
     return out | {closest: to_the_end(scene, out[closest], DESCRIBED, AS_WELL)}
+
+
+def inner_suffices(name: str, trials: Mapping[str, Trial[Explained]]) -> bool:
+    """Whether an effect contains one whose fit is ended and leaves next to nothing: what it has beside that explains
+    nothing more."""
+    inner = (trials[other] for other in DRIVEN[name].contains if other in trials)
+    return any(trial.model.ended and shown(trial) <= LEFT_BY_CLEAN for trial in inner)
 
 
 def in_best_shape(

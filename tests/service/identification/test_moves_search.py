@@ -44,7 +44,7 @@ def test_all_finalists_that_are_near_are_ended_before_one_is_chosen(monkeypatch:
     errors = {"force": (1.1, 1.5), "friction": (1.0, 2.0), "far": (3.0, 9.0)}
 
     def trial(name: str, train: float, held: float, limits: tuple[str, ...] = ()) -> Any:
-        fitted = SimpleNamespace(model=name)
+        fitted = SimpleNamespace(model=SimpleNamespace(name=name, parameters=()))
         explained = SimpleNamespace(fitted=fitted)
         return SimpleNamespace(train_rms=train, held_rms=held, model=explained, at_limits=limits, name=name)
 
@@ -52,7 +52,8 @@ def test_all_finalists_that_are_near_are_ended_before_one_is_chosen(monkeypatch:
     monkeypatch.setattr(moves_search, "swings_at_all", lambda _model: False)
     monkeypatch.setattr(moves_search, "with_own_errors", lambda fitted: fitted)
     monkeypatch.setattr(moves_search, "settled", lambda fitted, _rounds: fitted)
-    monkeypatch.setattr(moves_search, "trial_of", lambda _scene, fitted: trials[fitted.model])
+    monkeypatch.setattr(moves_search, "trial_of", lambda _scene, fitted: trials[fitted.model.name])
+    monkeypatch.setattr(moves_search, "inner_suffices", lambda *_: False)
     asked: list[tuple[str, float]] = []
 
     def to_the_end(_scene: Any, one: Any, near: float = 2.0, _as_well: float = 1.3) -> Any:
@@ -68,20 +69,35 @@ def test_all_finalists_that_are_near_are_ended_before_one_is_chosen(monkeypatch:
     assert cast(Any, done["friction"]).name == "friction", "what is no such effect is not worth the time"
 
 
+@pytest.mark.parametrize(
+    ("ended", "left", "suffices"), [(True, 1.2, True), (False, 1.2, False), (True, 1.4, False)]
+)
+def test_what_contains_an_effect_that_leaves_next_to_nothing_is_not_ended(
+    ended: bool, left: float, suffices: bool
+) -> None:
+    """A spring's force is a constant one with a rate."""
+    inner = SimpleNamespace(model=SimpleNamespace(ended=ended), train_rms=left, validation_rms=1.1)
+    trials = cast(Any, {"constant_force": inner})
+    assert moves_search.inner_suffices("position_dependent_force", trials) is suffices
+    assert not moves_search.inner_suffices("constant_force", trials)
+
+
 @pytest.mark.parametrize(("near", "settled"), [(2.0, ["force", "friction"]), (9.0, ["force"])])
 def test_where_none_is_anywhere_near_the_nearest_alone_is_settled(
     monkeypatch: Any, near: float, settled: list[str]
 ) -> None:
     def trial(name: str, train: float) -> Any:
-        explained = SimpleNamespace(fitted=SimpleNamespace(model=name))
+        fitted = SimpleNamespace(name=name, model=SimpleNamespace(parameters=()))
+        explained = SimpleNamespace(fitted=fitted)
         return SimpleNamespace(train_rms=train, held_rms=train, model=explained, at_limits=())
 
     trials = {"force": trial("force", near), "friction": trial("friction", 1.1 * near)}
     asked: list[str] = []
     monkeypatch.setattr(moves_search, "swings_at_all", lambda _model: False)
-    monkeypatch.setattr(moves_search, "with_own_errors", lambda fitted: asked.append(fitted.model) or fitted)
+    monkeypatch.setattr(moves_search, "with_own_errors", lambda fitted: asked.append(fitted.name) or fitted)
     monkeypatch.setattr(moves_search, "settled", lambda fitted, _rounds: fitted)
-    monkeypatch.setattr(moves_search, "trial_of", lambda _scene, fitted: trials[fitted.model])
+    monkeypatch.setattr(moves_search, "trial_of", lambda _scene, fitted: trials[fitted.name])
+    monkeypatch.setattr(moves_search, "inner_suffices", lambda *_: False)
     monkeypatch.setattr(moves_search, "to_the_end", lambda _scene, one, *_: one)
     moves_search.finished(cast(Any, None), cast(Any, trials))
     assert asked == settled
