@@ -61,12 +61,11 @@ WORSE = 1.02
 """How much farther from the moves a fit may be that takes from the rests what swings."""
 
 
-def settled(found: Fitted, rounds: int, steadied: float = 0.0) -> Fitted:
-    """The fit continued with the motors' motion reconstructed from it, and where it is not near, in another valley.
-    One below the RMS at which it is `steadied` next is looked at for that then, unless it swings."""
+def settled(found: Fitted, rounds: int, ridges: float = ENDED) -> Fitted:
+    """The fit continued with the motors' motion reconstructed from it, and where it is not near, in another valley:
+    from an RMS of `ridges` on, unless it swings; a caller that looks for it next, or has, gives a greater one."""
     on = fit(reconstructed(found), found.model, found.at, rounds)
-    later = on.rms < steadied and not swings_at_all(on.model)
-    if on.rms >= ENDED and not later:
+    if on.rms >= (ENDED if swings_at_all(on.model) else ridges):
         on = over_ridges(on)
     if on.rms >= HOPELESS:
         return on
@@ -109,11 +108,10 @@ def as_damped(found: Fitted) -> Fitted:
     free = np.array([k for k, p in enumerate(found.model.parameters) if p.name not in names])
     values = {name: v for name, v in values_at(found).items() if name not in names}
     damped = fitted_from(found, values, ROUNDS, free)
-    if damped.rms < AS_GOOD * found.rms:
-        return fit(found.moves, found.model, damped.at, 0)
-    out = begun_by_speeds(found)
-    if out.rms < min(damped.rms, AS_WELL * found.rms) and not overdamped(out):
-        return out
+    if damped.rms >= AS_GOOD * found.rms:
+        out = begun_by_speeds(found)
+        if out.rms < min(damped.rms, AS_WELL * found.rms) and not overdamped(out):
+            return out
     return fit(found.moves, found.model, damped.at, 0) if damped.rms < AS_WELL * found.rms else found
 
 

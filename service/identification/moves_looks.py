@@ -46,8 +46,7 @@ GLIMPSE, FROM_AFAR = 2, 10
 HALF = FROM_AFAR // 2
 """Rounds after which only the best of several such starts are continued."""
 STRONG = 3
-"""Rounds after which only the best of a candidate's strong starts is continued (chosen: hardly any of them leads to its
-best fit)."""
+"""Rounds after which only the best of a candidate's strong starts is continued (chosen)."""
 PLACED = 3
 """Shapes with which the numbers of an effect that swings are fitted alone, or that are followed from afar: a spectrum
 of few periods has several maxima."""

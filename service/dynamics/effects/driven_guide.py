@@ -142,6 +142,7 @@ class DrivenStribeckFriction(DrivenEffect):
             speed, exponent, tail = (
                 case.values[f"{axis}.stribeck_{p}"][:, None] for p in ("speed", "exponent", "tail")
             )
+            # A floor near a fit's differences would hide the slope from it.
             tail = np.maximum(tail, 1e-12)
             left = np.exp(-np.log1p(tail * np.abs(v / speed) ** exponent) / tail)
             guide.forward = guide.forward + excess

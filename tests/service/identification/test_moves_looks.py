@@ -158,7 +158,6 @@ def test_of_further_effects_only_what_comes_nearer_than_the_present_fit_is_follo
     monkeypatch.setattr(moves_looks, "looked_at", lambda fits: fits)
     monkeypatch.setattr(moves_looks, "second_look", lambda *_: [])
     monkeypatch.setattr(moves_looks, "grounds", lambda *_: [])
-    monkeypatch.setattr(moves_looks, "on_a_few_moves", lambda found: found)
     monkeypatch.setattr(moves_looks, "best_looks", lambda *_: [stub(1.5, "followed")])
     monkeypatch.setattr(moves_looks, "glanced", lambda *_: [stub(1.5, "glanced")])
     library = [

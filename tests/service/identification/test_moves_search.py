@@ -422,8 +422,8 @@ def test_an_effect_begun_on_the_present_model_changes_nothing(shared_dir: Path) 
     for candidate in moves_starts.candidates(model, [DRIVEN["hung_mass_mode"], DRIVEN["sensor_gain"]], ()):
         begun = moves_starts.added(present, candidate, dict(candidate.effect.starts[0]))
         np.testing.assert_allclose(fit([few], candidate.model, begun, 0).r, alone.r, rtol=1e-6, atol=1e-6)
-    swinging = [kind for kind in DRIVEN.values() if not kind.many_valleys]
-    for candidate in moves_starts.candidates(model, swinging, ()):
+    few_valleys = [kind for kind in DRIVEN.values() if not kind.many_valleys]
+    for candidate in moves_starts.candidates(model, few_valleys, ()):
         strong = {**candidate.effect.starts[0], **{p.name: p.spread for p in candidate.effect.parameters}}
         begun = moves_starts.added(present, candidate, moves_starts.hardly_any(candidate, strong))
         assert fit([few], candidate.model, begun, 0).rms < 1.05 * alone.rms, candidate.name

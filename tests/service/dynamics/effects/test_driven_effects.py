@@ -258,11 +258,11 @@ def test_the_damper_of_a_bent_contact_grows_as_it_is_said_to(grown: float) -> No
 def test_a_stribeck_tail_has_a_slope_where_there_is_none_yet() -> None:
     """(1 + τx)^(−1/τ) is e^(−x)·(1 + τx²/2) for a small τ. A fit's differences are half a millionth of it; a floor
     below which nothing changed left every step in the hands of the tail's prior."""
-    tables = []
+    courses = []
     for tail in (0.0, 5e-7, 1e-3):
         named = PLANTED["stribeck_friction"] | {"X1.stribeck_tail": tail, "X1.stribeck_exponent": 2.0}
-        tables.append(driven(("stribeck_friction",), named))
-    slopes = [(table - tables[0]) / tail for table, tail in zip(tables[1:], (5e-7, 1e-3), strict=True)]
+        courses.append(driven(("stribeck_friction",), named))
+    slopes = [(course - courses[0]) / tail for course, tail in zip(courses[1:], (5e-7, 1e-3), strict=True)]
     assert np.abs(slopes[1]).max() > 0.01
     assert np.abs(slopes[0] - slopes[1]).max() < 0.02 * np.abs(slopes[1]).max()
 
