@@ -118,6 +118,11 @@ class MachineCore:
         return any(drive.positioning.driven for drive in self.drives)
 
     @property
+    def closing_brake(self) -> bool:
+        """Whether a drive keeps its torque until its brake grips."""
+        return any(drive.brake.closing for drive in self.drives)
+
+    @property
     def waiting_to_join(self) -> bool:
         """Whether an enabled drive stands while another moves."""
         ready = [d.positioning.moving for d in self.drives if d.state is State.OPERATION_ENABLED]

@@ -8,11 +8,13 @@ In lock-step time stands still while the machine waits for the master, and flies
 - While time passes, commands are kept for the next halt. At once go only, in mid-move, those that stop an axis or
   merely read. After a set-point there is one more halt, for the master to answer the acknowledgement (bit 12).
   A halt waits for the other enabled drives' set-points too, so that the sides of a gantry start together.
+- A drive that keeps its torque until its brake grips is not left at a halt: time passes until it has answered.
 - A master that says nothing for ``patience_s`` of wall time, having read all frames, is waiting for time to pass:
-  it is given ``idle_s``. Where nobody listens at all, time stands still.
+  it is given ``idle_s``. While a drive is enabled, what comes next depends on it, and no master need wait for bus
+  time: it has ``patience_enabled_s``. Where nobody listens at all, time stands still.
 
 So the machine time at which a command takes effect does not depend on the threads' luck, as long as a master that
-is not waiting for bus time answers within ``patience_s``, and waits for bus time no longer than ``rest_s`` after a
+is not waiting for bus time answers within that patience, and waits for bus time no longer than ``rest_s`` after a
 move (or else always longer than the luck of one ``idle_s``). A stop in mid-move comes when it comes.
 
 The drives' watch over the master runs on machine time as well. Before it would expire, time stands still until
@@ -61,6 +63,8 @@ class Timing:
     beat_s : what follows an NMT command: the next heartbeat, at most 100 ms away, tells the new state
     idle_s : shorter than any time limit of the master
     patience_s : counted in waits that a busy PC stretches; a hundred times a master's reaction time
+    patience_enabled_s : ten periods (100 ms) by which a container's share of the processor is rationed, thread by
+        thread: the master may stand still for one while the machine's thread does not
     rolling_s : an axis without torque that is still rolling after this (on a slope, without a brake) is not waited
         for any longer: a drive answers its master all the same
     switch_on_s : a master that only listens sees the machine boot after this
@@ -75,6 +79,7 @@ class Timing:
     idle_s: float = 0.25
     rolling_s: float = 2.0
     patience_s: float = 0.12
+    patience_enabled_s: float = 1.0
     switch_on_s: float = 1.0
     deaf_s: float = 5.0
     window: int = 64
@@ -142,7 +147,8 @@ class LockStep:
         """The next command; None when the master keeps silent or leaves, or we must stop."""
         if self._held:
             return self._held.popleft()
-        for _ in range(round(self._timing.patience_s / _WAIT)):
+        patience = self._timing.patience_enabled_s if self._core.powered else self._timing.patience_s
+        for _ in range(round(patience / _WAIT)):
             if self._stop.is_set() or not self._core.listened_to:
                 break
             if (command := self._core.receive(_WAIT)) is not None:
@@ -152,21 +158,25 @@ class LockStep:
     # -- time passes
 
     def _pass(self, duration: float) -> None:
-        """Let at least ``duration`` [s] pass, and as long as an axis moves and ``rest_s`` after it."""
+        """Let at least ``duration`` [s] pass, as long as an axis moves and ``rest_s`` after it, or a brake closes."""
         core, end = self._core, self._core.tick + round(duration / TICK)
         # no longer than asked for in the short spans, which belong to a halt of the same move
         rest = round(self._timing.rest_s / TICK) if duration > self._timing.answer_s else 0
+        answer = round(self._timing.answer_s / TICK)
         patient_until = core.tick + round(self._timing.rolling_s / TICK)
         while core.tick < end and not self._stop.is_set():
             self._serve_urgent()
             self._await_listeners(self._timing.window * (1 if core.moving else 8))
             ticks = min(BLOCK if core.moving else REST_BLOCK, end - core.tick)
             self._await_heartbeat(ticks)
+            closing = core.closing_brake
             core.step(ticks)
             if core.driven:
                 patient_until = core.tick + round(self._timing.rolling_s / TICK)
             if core.moving and core.tick < patient_until:
                 end = max(end, core.tick + rest)
+            if closing:
+                end = max(end, core.tick + answer)
 
     def _serve_urgent(self) -> None:
         while (command := self._core.receive(timeout=0.0)) is not None:

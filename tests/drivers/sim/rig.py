@@ -250,6 +250,13 @@ class RawMaster:
                     return frame
         raise AssertionError("the frame waited for did not come")
 
+    def listen(self, duration: float) -> None:
+        """Read whatever comes for this long [s of wall time], and say nothing."""
+        deadline = time.monotonic() + duration
+        while (left := deadline - time.monotonic()) > 0:
+            if (m := self.bus.recv(left)) is not None:
+                self.frames.append((m.timestamp, m.arbitration_id, bytes(m.data)))
+
     def set_up(self) -> None:
         for node in self.nodes:
             for k, request in enumerate(SET_UP):

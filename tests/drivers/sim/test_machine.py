@@ -43,23 +43,24 @@ def machine(name: str, seed: int = 1, paced: bool = False, physics: Rigid | None
     )
 
 
-def steps(master: RawMaster, count: int) -> None:
+def steps(master: RawMaster, count: int, stall: float = 0.0) -> None:
     """Commissioning, then steps to and fro with a rest before each, as a diagnostic run makes them."""
     master.set_up()
     master.enable()
     since = master.frames[-1][0]
     for k in range(count):
         master.rest(0.35, since)
+        master.listen(stall)
         since = master.go(STEP_COUNTS if k % 2 == 0 else 0)[0]
     master.rest(0.35, since)
 
 
-def run_of_steps(seed: int, dawdle: float = 0.0, count: int = 3) -> list[Frame]:
+def run_of_steps(seed: int, dawdle: float = 0.0, count: int = 3, stall: float = 0.0) -> list[Frame]:
     name = channel()
     with raw_master(machine(name, seed), name) as master:
         master.beating.set()
         time.sleep(dawdle)
-        steps(master, count)
+        steps(master, count, stall)
         end = master.frames[-1][0]
     return [f for f in master.frames if f[0] <= end - 0.01]
 
@@ -89,6 +90,28 @@ def test_they_stay_identical_when_the_pc_is_busy():
         thread.join()
     n = min(len(first), len(second))
     assert first[:n] == second[:n]
+
+
+def test_a_master_that_stalls_between_its_steps_changes_nothing():
+    """Three periods by which a container's processor time is rationed, before each set-point."""
+    first, second = run_of_steps(seed=7), run_of_steps(seed=7, stall=0.3)
+    n = min(len(first), len(second))
+    assert n > 5000
+    assert first[:n] == second[:n]
+
+
+def test_a_drive_that_closes_its_brake_answers_without_being_waited_for():
+    """The torque stays until the brake grips; the halt that follows the command is not the end of it."""
+    name = channel()
+    timing = Timing(patience_s=60.0, patience_enabled_s=60.0)
+    drives = [replace(DRIVE, bus=name, brake_s=0.2)]
+    with raw_master(SimulatedMachine([name], drives, [], Rigid(), seed=1, timing=timing), name) as master:
+        master.set_up()
+        master.enable()
+        asked = master.frames[-1][0]
+        master.send(rpdo(0x07, 0))
+        closed = master.wait_status(lambda s: s & 0x6F == 0x23)[0]
+    assert closed - asked >= 0.2
 
 
 def test_another_seed_gives_other_noise():
