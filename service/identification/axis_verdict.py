@@ -143,7 +143,7 @@ def finding_of(
     before, after, effects = selection.before, selection.after, selection.effects
     sound = max(sound, SMALL) if _undisputed(selection) else sound
     nothing: Finding = "none" if _little(before) and left(after) <= sound and _in_time(before) else "unknown"
-    if not effects:
+    if not effects or (_little(before) and _common_suffices(selection)):
         return nothing, ()
     if not _matters(selection):
         if _little(before) and not _clear(selection, seen_at_rest):
@@ -239,8 +239,27 @@ def _common_comes_as_near(selection: Selection[Explained]) -> bool:
     """Whether something that every sound machine has, as much as one may have, comes as near to all moves as what was
     found: then that is the likelier explanation."""
     near = (trial for trial in selection.tried if distance(trial) <= distance(selection.after))
-    names = ((trial, trial.model.fitted.model.effects[-1].name) for trial in near)
-    return any(_common(replace(selection, effects=(name,), after=trial)) for trial, name in names)
+    return any(_is_common(selection, trial) for trial in near)
+
+
+def _common_suffices(selection: Selection[Explained]) -> bool:
+    """Whether beside an effect whose law has many valleys, and imitates much, something that every sound machine has,
+    as much as one may have, leaves next to nothing in all moves: then nothing else need be there."""
+    if not any(DRIVEN[name].many_valleys for name in selection.effects if name in DRIVEN):
+        return False
+    return any(
+        max(trial.train_rms, trial.validation_rms) <= LEFT_BY_CLEAN
+        and not trial.at_limits
+        and explained(selection.before, trial, PART)
+        and _is_common(selection, trial)
+        for trial in selection.tried
+    )
+
+
+def _is_common(selection: Selection[Explained], trial: Trial[Explained]) -> bool:
+    """Whether the effect of a trial is what every sound machine has, and as much as one may have."""
+    name = trial.model.fitted.model.effects[-1].name
+    return _common(replace(selection, effects=(name,), after=trial))
 
 
 def _nothing_else_explains(selection: Selection[Explained]) -> bool:

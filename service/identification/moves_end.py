@@ -51,6 +51,10 @@ SOUND = 2.0
 to 1.6 it may be called sound)."""
 HOPELESS = NEAR
 """RMS from which on neither another start nor more rounds nor what still swings makes a fit's effect the right one."""
+OF_ADDED, OF_PRESENT, LOOKED_FOR_NEXT = (ENDED, HOPELESS), (ENDED, np.inf), (HOPELESS, np.inf)
+"""Between which RMS another valley is looked for: of a model with an added effect, none of which is the right one in
+another valley that is hopeless here (of eight such fits none came nearer by two parts in a hundred); of one from which
+all others begin; and of a fit that `steady` ends next, which looks for the others."""
 CORNERED = 4.5
 """Standard deviations of its prior beyond which no mass and no spring of a chain is."""
 AS_GOOD = 1.01
@@ -61,11 +65,12 @@ WORSE = 1.02
 """How much farther from the moves a fit may be that takes from the rests what swings."""
 
 
-def settled(found: Fitted, rounds: int, ridges: float = ENDED) -> Fitted:
+def settled(found: Fitted, rounds: int, ridges: tuple[float, float] = OF_ADDED) -> Fitted:
     """The fit continued with the motors' motion reconstructed from it, and where it is not near, in another valley:
-    from an RMS of `ridges` on, unless it swings; a caller that looks for it next, or has, gives a greater one."""
+    between RMS of `ridges`, of what swings from the least on; a caller that looks for it next, or has, gives others."""
     on = fit(reconstructed(found), found.model, found.at, rounds)
-    if on.rms >= (ENDED if swings_at_all(on.model) else ridges):
+    first, last = ridges
+    if (ENDED if swings_at_all(on.model) else first) <= on.rms < last:
         on = over_ridges(on)
     if on.rms >= HOPELESS:
         return on
@@ -151,7 +156,7 @@ def ended(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
     best = with_own_errors(in_full(trial.model.fitted))
     more = MORE if swings_at_all(best.model) else 1
     for _ in range(more if best.rms < HOPELESS else 0):
-        further = settled(best, ROUNDS, HOPELESS)
+        further = settled(best, ROUNDS, LOOKED_FOR_NEXT)
         gained, best = best.rms - further.rms, min(best, further, key=lambda f: f.rms)
         if gained < GAIN * best.rms:
             break

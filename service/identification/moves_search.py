@@ -371,7 +371,7 @@ def challenged(scene: Scene, present: Trial[Explained], best: Trial[Explained]) 
     ]
     again = fit(moves, model, at, ROUNDS)
     if again.rms < BEHIND * now.rms and again.rms < HOPELESS:
-        again = settled(again, ROUNDS, np.inf)
+        again = settled(again, ROUNDS, (np.inf, np.inf))
     return trial_of(scene, again) if again.rms < 0.99 * now.rms else present
 
 

@@ -181,6 +181,30 @@ def test_what_a_mesh_explains_as_well_is_no_finding_where_the_backlash_stays(
     assert axis_verdict.finding_of(selection)[0] == found
 
 
+@pytest.mark.parametrize(
+    ("name", "other", "rms", "train", "found"),
+    [
+        ("gearbox_clearance", "transmission_ripple", 1.14, 1.0, "none"),
+        ("gearbox_clearance", "transmission_ripple", 1.4, 1.0, "effect"),
+        ("gearbox_clearance", "sensor_gain", 1.14, 1.0, "effect"),
+        ("gearbox_clearance", "transmission_ripple", 1.14, 2.0, "effect"),
+        ("preload_flank", "transmission_ripple", 1.14, 1.0, "effect"),
+    ],
+)
+def test_a_second_gap_is_no_finding_where_what_every_machine_has_suffices(
+    monkeypatch: pytest.MonkeyPatch, name: str, other: str, rms: float, train: float, found: str
+) -> None:
+    """A mesh error that showed in the moves that were not fitted was called a second gap, and its backlash with it was
+    28 um off: a law with many valleys imitates much."""
+    gaps = iter((120e-6, 149e-6) * 8)
+    monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: (next(gaps), 1e-7))
+    monkeypatch.setattr(axis_verdict, "deviations", lambda _fitted: {})
+    mesh = trial(1.0, rms)
+    mesh.model.fitted.model.effects = (SimpleNamespace(name=other),)
+    selection = Selection(trial(train, 1.95), trial(0.98, 1.04), (name,), (), (), tried=(mesh,))
+    assert axis_verdict.finding_of(selection)[0] == found
+
+
 def test_a_residual_that_is_named_by_nothing_is_no_impurity(monkeypatch: pytest.MonkeyPatch) -> None:
     """What moves the backlash by next to nothing has to explain what is missing."""
     monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: (50e-6, 1e-7))

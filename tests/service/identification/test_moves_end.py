@@ -47,12 +47,19 @@ def test_a_declared_model_that_lacks_something_is_not_finished(monkeypatch: Any)
 
 
 @pytest.mark.parametrize(
-    ("on", "elsewhere", "asked", "reached"), [(1.0, 0.9, 0, 1.0), (1.4, 1.2, 1, 1.2), (4.5, 4.2, 1, 4.2)]
+    ("on", "elsewhere", "ridges", "asked", "reached"),
+    [
+        (1.0, 0.9, moves_end.OF_ADDED, 0, 1.0),
+        (1.4, 1.2, moves_end.OF_ADDED, 1, 1.2),
+        (4.5, 4.2, moves_end.OF_ADDED, 0, 4.5),
+        (4.5, 4.2, moves_end.OF_PRESENT, 1, 4.2),
+        (1.4, 1.2, moves_end.LOOKED_FOR_NEXT, 0, 1.4),
+    ],
 )
 def test_a_fit_goes_on_from_where_it_stands_and_in_another_valley_only_if_it_is_not_near(
-    monkeypatch: Any, on: float, elsewhere: float, asked: int, reached: float
+    monkeypatch: Any, on: float, elsewhere: float, ridges: tuple[float, float], asked: int, reached: float
 ) -> None:
-    """What stays hopeless is not followed further."""
+    """What stays hopeless is not followed further, and with an added effect not looked for elsewhere."""
     over: list[float] = []
     later: list[str] = []
     monkeypatch.setattr(moves_end, "reconstructed", lambda found: found.moves)
@@ -60,7 +67,7 @@ def test_a_fit_goes_on_from_where_it_stands_and_in_another_valley_only_if_it_is_
     monkeypatch.setattr(moves_end, "over_ridges", lambda f: over.append(f.rms) or stub(elsewhere))
     for name in ("in_turns", "as_damped", "swung_in"):
         monkeypatch.setattr(moves_end, name, lambda f, name=name: later.append(name) or f)
-    assert moves_end.settled(stub(5.0), 3).rms == reached
+    assert moves_end.settled(stub(5.0), 3, ridges).rms == reached
     assert over == [on] * asked
     assert later == ([] if reached > moves_end.HOPELESS else ["in_turns", "as_damped", "swung_in"])
 
