@@ -53,8 +53,8 @@ HOPELESS = NEAR
 """RMS from which on neither another start nor more rounds nor what still swings makes a fit's effect the right one."""
 OF_ADDED, OF_PRESENT, LOOKED_FOR_NEXT = (ENDED, HOPELESS), (ENDED, np.inf), (HOPELESS, np.inf)
 """Between which RMS another valley is looked for: of a model with an added effect, none of which is the right one in
-another valley that is hopeless here (of eleven such fits none came within it, and one two parts in a hundred nearer);
-of one from which all others begin; and of a fit that `steady` ends next, which looks for the others."""
+another valley that is hopeless here; of one from which all others begin; and of a fit that `steady` ends next, which
+looks for the others."""
 CORNERED = 4.5
 """Standard deviations of its prior beyond which no mass and no spring of a chain is."""
 AS_GOOD = 1.01
