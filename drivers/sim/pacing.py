@@ -10,8 +10,8 @@ In lock-step time stands still while the machine waits for the master, and flies
   A halt waits for the other enabled drives' set-points too, so that the sides of a gantry start together.
 - A drive that keeps its torque until its brake grips is not left at a halt: time passes until it has answered.
 - A master that says nothing for ``patience_s`` of wall time, having read all frames, is waiting for time to pass:
-  it is given ``idle_s``. While a drive is enabled, what comes next depends on it, and no master need wait for bus
-  time: it has ``patience_enabled_s``. Where nobody listens at all, time stands still.
+  it is given ``idle_s``. While a drive is enabled, a master has ``patience_enabled_s``: what comes next depends on
+  it, and it need not wait for bus time beyond ``rest_s``. Where nobody listens at all, time stands still.
 
 So the machine time at which a command takes effect does not depend on the threads' luck, as long as a master that
 is not waiting for bus time answers within that patience, and waits for bus time no longer than ``rest_s`` after a
