@@ -12,13 +12,11 @@ from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
-from service.backlash.moves import few_of
 from service.backlash.moves_begun import Values, shared_at
 from service.backlash.moves_fit import FAR, Fitted, Point, fit, values_at
 from service.identification.held_out import overdamped
 from service.identification.moves_starts import (
     BRIEF,
-    FEW,
     ROUNDS,
     SUMMED,
     TOLERANCES,
@@ -26,6 +24,7 @@ from service.identification.moves_starts import (
     chain,
     fewer,
     fitted_from,
+    own_of_few,
     softer_contact,
     speeds_first,
 )
@@ -45,7 +44,7 @@ NEARER = 0.99
 def over_ridges(found: Fitted) -> Fitted:
     """The fit begun once more in the valley that a few moves say is nearer, or itself where they say none is, or all
     moves do not."""
-    few, own = fewer(found), (found.at.local[0][few_of(found.moves[0], FEW)],)
+    few, own = fewer(found), (own_of_few(found),)
     here = fit(few, found.model, Point(found.at.shared, own), BRIEF)
     tried = [fit(few, found.model, Point(shared, own), QUICK) for shared in other_chains(found)]
     begun = [one.at for one in leading(tried, FOLLOWED)]

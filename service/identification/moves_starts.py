@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from service.backlash.alike_moves import alike
 from service.backlash.model_fit_problem import DIFFERENCE
 from service.backlash.moves import Moves, few_of, predict, residuals, some_of
 from service.backlash.moves_begun import Values, point_at
@@ -32,6 +33,8 @@ ROUNDS = 12
 """Rounds of a fit of all moves."""
 FEW, BRIEF = 4, 5
 """Moves and rounds with which starts are compared."""
+SAME_PLACE = 1e-4
+"""Distance within which two moves begin at one place [m] (chosen: none of what depends on the place differs there)."""
 TOO_MUCH = 4.0
 """RMS of the present model from which on an effect whose fits have many valleys is not searched for: more is missing
 than a split gap."""
@@ -122,13 +125,35 @@ def grounds(scene: Scene, found: Fitted) -> list[Fitted]:
 
 def fewer(found: Fitted) -> tuple[Moves, ...]:
     """The few moves with which starts are compared."""
-    return tuple(some_of(part, FEW) for part in unanswering(found.moves)[:1])
+    return tuple(some_of(part, how_few(found)) for part in unanswering(found.moves)[:1])
+
+
+def own_of_few(found: Fitted) -> FloatArray:
+    """The own coordinates (T, L) of these moves in a fit."""
+    return found.at.local[0][few_of(found.moves[0], how_few(found))]
+
+
+def how_few(found: Fitted) -> int:
+    """How many moves starts are compared with: of those that are made alike, several tell more only where as little is
+    missing as noise may hide."""
+    moves = found.moves[0]
+    kept = moves.grids[few_of(moves, FEW)]
+    if found.rms < NEAR or len(kept) == len(moves.grids):
+        return len(kept)
+    made = [moves.recording.moves[grid.index] for grid in kept]
+    places = np.stack([[float(motor(move.start)) for motor in moves.plain] for move in made])
+    last = 0
+    for k in range(1, len(made)):
+        same = (
+            alike(made[k], made[j]) and np.ptp(places[[j, k]], axis=0).max() < SAME_PLACE for j in range(k)
+        )
+        last = last if any(same) else k
+    return last + 1
 
 
 def on_a_few_moves(found: Fitted) -> Fitted:
     """The present fit, fitted to a few moves as candidates are."""
-    own = found.at.local[0][few_of(found.moves[0], FEW)]
-    return fit(fewer(found), found.model, Point(found.at.shared, (own,)), BRIEF)
+    return fit(fewer(found), found.model, Point(found.at.shared, (own_of_few(found),)), BRIEF)
 
 
 def unanswering(moves: Sequence[Moves]) -> tuple[Moves, ...]:
@@ -276,7 +301,7 @@ def of_speed(moves: Sequence[Moves], lasting: float) -> tuple[Moves, ...]:
 def added(found: Fitted, candidate: Candidate, values: Values) -> Point:
     """The few moves as they are fitted, and the effect with the numbers of `values`."""
     own = [float(p.internal(values[p.name])) for p in candidate.effect.parameters]
-    begun = widened((found.at.local[0][few_of(found.moves[0], FEW)],), candidate.model)
+    begun = widened((own_of_few(found),), candidate.model)
     return Point(np.concatenate((found.at.shared, own)), begun)
 
 

@@ -12,17 +12,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from service.backlash.moves import Moves, few_of, misfits
+from service.backlash.moves import Moves, misfits
 from service.backlash.moves_begun import Values, shared_at
 from service.backlash.moves_fit import Fitted, Point, at_rest, fit, values_at
 from service.identification.moves_starts import (
     BRIEF,
-    FEW,
     Candidate,
     begun_at,
     everywhere,
     fewer,
     on_a_few_moves,
+    own_of_few,
     widened,
 )
 from service.identification.scene import Scene
@@ -52,7 +52,7 @@ def valleys(scene: Scene, found: Fitted, candidate: Candidate) -> list[Fitted]:
     """The best fits of a few moves, each in a valley of its own, the best first; only one where none is promising."""
     rng = np.random.default_rng(SEED)
     few = fewer(found)
-    own = widened((found.at.local[0][few_of(found.moves[0], FEW)],), candidate.model)[0]
+    own = widened((own_of_few(found),), candidate.model)[0]
     begun = [
         about(few, candidate, values, own, SETS, (WIDE, WIDE), rng)[:1]
         for values in everywhere(scene, found, candidate)

@@ -406,24 +406,3 @@ def test_other_shapes_of_friction_are_ended_where_an_ended_fit_describes_its_own
     first = trial("first", held_out, ended)
     best = moves_search.in_other_shapes(cast(Any, None), stub(1.0), cast(Any, None), first)
     assert cast(Any, best).name == chosen
-
-
-def test_an_effect_begun_on_the_present_model_changes_nothing(shared_dir: Path) -> None:
-    """At an amount of nothing the few moves are described as they were, also by a machine far from a typical one."""
-    moves = moves_of(read_capture(shared_dir / "captures" / "none-train.parquet"), ("X1",))
-    model = Model(("X1",), 2, held=("constant", "skew"))
-    shared = np.zeros(len(model.parameters))
-    shared[[p.name for p in model.parameters].index("X1.gear_mass")] = 4.6
-    local = np.random.default_rng(3).normal(0.0, 0.3, (len(moves.grids), 2))
-    few = moves_starts.some_of(moves, moves_starts.FEW)
-    present = fit([moves], model, Point(shared, (local,)), 0)
-    kept = moves_starts.few_of(moves, moves_starts.FEW)
-    alone = fit([few], model, Point(shared, (local[kept],)), 0)
-    for candidate in moves_starts.candidates(model, [DRIVEN["hung_mass_mode"], DRIVEN["sensor_gain"]], ()):
-        begun = moves_starts.added(present, candidate, dict(candidate.effect.starts[0]))
-        np.testing.assert_allclose(fit([few], candidate.model, begun, 0).r, alone.r, rtol=1e-6, atol=1e-6)
-    few_valleys = [kind for kind in DRIVEN.values() if not kind.many_valleys]
-    for candidate in moves_starts.candidates(model, few_valleys, ()):
-        strong = {**candidate.effect.starts[0], **{p.name: p.spread for p in candidate.effect.parameters}}
-        begun = moves_starts.added(present, candidate, moves_starts.hardly_any(candidate, strong))
-        assert fit([few], candidate.model, begun, 0).rms < 1.05 * alone.rms, candidate.name
