@@ -72,6 +72,7 @@ class DrivenEffect:
     own_errors : the noise of the drives' speeds does something else with it, so that what its fits are expected to miss
         is found by it: it undoes a low pass, or ties two motors together
     nearly : effects whose law is the same but for what little of a recording tells, such as quick motion
+    inside : numbers of which no such effect has one at a limit, however well it describes the moves there
     free_swing : of an effect that swings on while the axis rests the parameter that is its frequency, and how strong it
         is where it is heard then: values of `own` or `shared` by name
     """
@@ -90,6 +91,7 @@ class DrivenEffect:
     own_errors: ClassVar[bool] = False
     contains: ClassVar[tuple[str, ...]] = ()
     nearly: ClassVar[tuple[str, ...]] = ()
+    inside: ClassVar[tuple[str, ...]] = ()
     free_swing: ClassVar[tuple[str, Mapping[str, float]] | None] = None
 
     @cached_property

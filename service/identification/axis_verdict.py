@@ -138,11 +138,13 @@ def finding_of(
     What was `seen_at_rest`, beside all moves, is no impurity that a fit may imagine, and has its name where the moves
     that were fitted are described with it, however far from the others a chain is that is not known well. A model that
     leaves no more than `sound` may lack nothing, and one that leaves a little more only impurities, if nothing that is
-    tried in their place changes the backlash, and if its channels need not be apart in time.
+    tried in their place changes the backlash, and if its channels need not be apart in time, and no law that no such
+    effect has explains what is missing.
     """
     before, after, effects = selection.before, selection.after, selection.effects
     sound = max(sound, SMALL) if _undisputed(selection) else sound
-    nothing: Finding = "none" if _little(before) and left(after) <= sound and _in_time(before) else "unknown"
+    sound_enough = _little(before) and left(after) <= sound and _in_time(before)
+    nothing: Finding = "none" if sound_enough and not _of_no_library(selection) else "unknown"
     if not effects or (_little(before) and _common_suffices(selection)):
         return nothing, ()
     if not _matters(selection):
@@ -183,8 +185,11 @@ def _of_every_machine(selection: Selection[Explained]) -> bool:
 
 def _explanation(selection: Selection[Explained], seen_at_rest: tuple[str, ...]) -> bool:
     """Whether the effects leave near nothing, or predict nearly all that is missing in moves that nobody has fitted, or
-    one of them alone describes those that were and predicts the others no worse."""
+    one of them alone describes those that were and predicts the others no worse; none whose numbers went to where no
+    such effect is when its fit was ended."""
     before, after, effects = selection.before, selection.after, selection.effects
+    if after.at_limits:
+        return False
     alone, certain = _alone(selection), effects == seen_at_rest and explained(before, after, PART)
     if after.train_rms <= LEFT and (certain or (alone and explained(before, after, WHOLLY))):
         return True
@@ -258,8 +263,12 @@ def _common_suffices(selection: Selection[Explained]) -> bool:
 
 def _is_common(selection: Selection[Explained], trial: Trial[Explained]) -> bool:
     """Whether the effect of a trial is what every sound machine has, and as much as one may have."""
-    name = trial.model.fitted.model.effects[-1].name
-    return _common(replace(selection, effects=(name,), after=trial))
+    return _common(_of(selection, trial))
+
+
+def _of(selection: Selection[Explained], trial: Trial[Explained]) -> Selection[Explained]:
+    """The selection as if one that was tried had been taken, and nothing else."""
+    return replace(selection, effects=(trial.model.fitted.model.effects[-1].name,), after=trial)
 
 
 def _nothing_else_explains(selection: Selection[Explained]) -> bool:
@@ -283,6 +292,20 @@ def _matters(selection: Selection[Explained]) -> bool:
         abs((now := backlash_of(after, axis)[0]) - backlash_of(before, axis)[0])
         > times * max(floor, share * now)
         for axis in range(len(before.model.axes))
+    )
+
+
+def _of_no_library(selection: Selection[Explained]) -> bool:
+    """Whether what explains nearly all that is missing in the held-out moves, leaves next to nothing in all, and
+    changes the backlash, is no such effect by the limits that its numbers are at: something acts that no library has,
+    however little of it shows in the moves that were fitted."""
+    before = selection.before
+    return any(
+        trial.at_limits
+        and max(trial.train_rms, trial.validation_rms) <= LEFT_BY_CLEAN
+        and explained(before, trial)
+        and _matters(_of(selection, trial))
+        for trial in selection.tried
     )
 
 

@@ -269,13 +269,16 @@ def shapes_at_limits(found: Fitted) -> tuple[str, ...]:
 def no_such_effect(found: Fitted) -> tuple[str, ...]:
     """Numbers, by name, that stand where no such effect is: all amounts of the last one at zero, or a swing that the
     move before cannot have left, so that something else than the axis keeps it going, or a chain damped as no
-    machine's is, or between two gaps what is heavier than the load. Only of a fit that may be the right one."""
+    machine's is, or between two gaps what is heavier than the load, or a number at a limit that no such effect
+    reaches. Only of a fit that may be the right one."""
     last = found.model.effects[-1]
     if found.rms > NEAR:
         return ()
     limits = amounts_of_nothing(found)
     if last.states and how_known(found.moves) > TOLD:
         limits += tuple(p.name for p in last.nuisance)
+    outside = tuple(p for p in last.parameters if p.name.rpartition(".")[2] in last.inside)
+    limits += tuple(p.name for p in outside if p.at_limit(found.value(p.name)))
     return (*limits, *overdamped(found), *too_heavy(found))
 
 

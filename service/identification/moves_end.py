@@ -72,8 +72,19 @@ def settled(found: Fitted, rounds: int, ridges: tuple[float, float] = OF_ADDED) 
     first, last = ridges
     if (ENDED if swings_at_all(on.model) else first) <= on.rms < last:
         on = over_ridges(on)
-    if on.rms >= HOPELESS:
-        return on
+    return on if on.rms >= HOPELESS else followed(on, rounds)
+
+
+def settled_present(found: Fitted, rounds: int) -> Fitted:
+    """The same of the declared model. Where it lacks something it is only improved on, in the best of its valleys: its
+    numbers are not the machine's, however closely they are found."""
+    on = fit(reconstructed(found), found.model, found.at, rounds)
+    on = over_ridges(on) if on.rms > SOUND else on
+    return on if on.rms > SOUND else followed(on, rounds)
+
+
+def followed(on: Fitted, rounds: int) -> Fitted:
+    """A fit that may be the right one, out of its corners and in turns with the motors' motion."""
     return swung_in(as_damped(in_turns(out_of_corner(on, rounds))))
 
 

@@ -249,6 +249,7 @@ class DrivenPreload(DrivenEffect):
         Parameter("preload_stiffness", "1/s²", 0.0, 2e4, logarithmic=False, low=0.0, dose=1e3),
         Parameter("preload_damping_ratio", "1", 0.02, 0.8, high=0.5),
     )
+    inside: ClassVar[tuple[str, ...]] = ("preload_damping_ratio",)
 
     def assemble(self, system: LinearSystem, case: Case, room: Room) -> None:
         model = case.model

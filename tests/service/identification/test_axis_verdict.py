@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -78,6 +79,39 @@ def test_impurities_are_no_finding_where_nothing_in_their_place_changes_the_back
         one.model.fitted.both = both
     monkeypatch.setattr(axis_verdict, "backlash_of", lambda fitted, _axis: fitted.both)
     selection = Selection(before, before, (), (), (), tuple(tried))
+    assert axis_verdict.finding_of(selection)[0] == found
+
+
+@pytest.mark.parametrize(("limits", "found"), [((), "effect"), (("preload_damping_ratio",), "unknown")])
+def test_an_effect_that_becomes_none_when_its_fit_is_ended_is_not_named(
+    monkeypatch: pytest.MonkeyPatch, limits: tuple[str, ...], found: str
+) -> None:
+    values = iter([(50e-6, 1e-7), (40e-6, 1e-7)])
+    monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: next(values))
+    after = replace(trial(1.0, 1.02), at_limits=limits)
+    selection = Selection(trial(2.0, 3.3), after, ("preload_flank",), (), ())
+    assert axis_verdict.finding_of(selection)[0] == found
+
+
+@pytest.mark.parametrize(
+    ("limits", "left", "b", "found"),
+    [
+        (("preload_damping_ratio",), (1.0, 1.04), 53e-6, "unknown"),
+        ((), (1.0, 1.04), 53e-6, "none"),
+        (("preload_damping_ratio",), (1.0, 1.04), 50.9e-6, "none"),
+        (("preload_damping_ratio",), (1.0, 1.5), 53e-6, "none"),
+    ],
+    ids=["imitated", "a gain that was none", "no other backlash", "a part"],
+)
+def test_what_only_a_law_explains_that_no_such_effect_has_is_unknown(
+    monkeypatch: pytest.MonkeyPatch, limits: tuple[str, ...], left: tuple[float, float], b: float, found: str
+) -> None:
+    """A film of grease braked the load in its gap: moves that were not fitted were 3.4 off, those that were 1.25."""
+    before, tried = trial(1.25, 3.4), replace(trial(*left), at_limits=limits)
+    before.model.fitted.both, tried.model.fitted.both = (50e-6, 1e-7), (b, 1e-7)
+    tried.model.fitted.model.effects = (SimpleNamespace(name="preload_flank"),)
+    monkeypatch.setattr(axis_verdict, "backlash_of", lambda fitted, _axis: fitted.both)
+    selection = Selection(before, before, (), (), (), (tried,))
     assert axis_verdict.finding_of(selection)[0] == found
 
 

@@ -73,6 +73,29 @@ def test_a_fit_goes_on_from_where_it_stands_and_in_another_valley_only_if_it_is_
 
 
 @pytest.mark.parametrize(
+    ("on", "elsewhere", "asked", "reached", "follows"),
+    [
+        (1.5, 1.2, 0, 1.5, True),
+        (2.5, 2.4, 1, 2.4, False),
+        (9.0, 8.0, 1, 8.0, False),
+        (2.5, 1.8, 1, 1.8, True),
+    ],
+)
+def test_a_declared_model_that_lacks_something_is_looked_for_elsewhere_and_not_followed(
+    monkeypatch: Any, on: float, elsewhere: float, asked: int, reached: float, follows: bool
+) -> None:
+    over: list[float] = []
+    monkeypatch.setattr(moves_end, "reconstructed", lambda found: found.moves)
+    monkeypatch.setattr(moves_end, "fit", lambda *_: stub(on))
+    monkeypatch.setattr(moves_end, "over_ridges", lambda f: over.append(f.rms) or stub(elsewhere))
+    later: list[float] = []
+    monkeypatch.setattr(moves_end, "followed", lambda f, _rounds: later.append(f.rms) or f)
+    assert moves_end.settled_present(stub(5.0), 3).rms == reached
+    assert over == [on] * asked
+    assert later == [reached] * follows
+
+
+@pytest.mark.parametrize(
     ("mass", "rms", "again", "kept"),
     [(5.0, 1.8, 1.1, 1.1), (5.0, 1.8, 1.9, 1.8), (5.0, 1.0, 0.9, 1.0), (3.0, 1.8, 1.1, 1.8)],
 )

@@ -21,7 +21,7 @@ from service.dynamics.driven_motion import of_motors
 from service.dynamics.effects.driven_bodies import DrivenHungMass, DrivenMachineBody, free_swing
 from service.dynamics.effects.driven_guide import DrivenCurvedFriction
 from service.dynamics.effects.driven_sensors import DrivenBias, DrivenGain
-from service.dynamics.effects.driven_transmission import DrivenClearance, DrivenLocalBacklash
+from service.dynamics.effects.driven_transmission import DrivenClearance, DrivenLocalBacklash, DrivenPreload
 from service.identification import held_out
 from service.identification.held_out import no_such_effect, too_heavy
 from service.identification.moves_rests import KNOWN, swinging_on
@@ -160,6 +160,20 @@ def test_nothing_heavier_than_the_load_lies_between_two_gaps(moves: Moves, mass:
     found = Fitted(model, (moves,), at, np.zeros(10), every(model))
     assert too_heavy(found) == (("X1.drive_mass",) if heavy else ())
     assert ("X1.drive_mass" in no_such_effect(found)) == heavy
+
+
+@pytest.mark.usefixtures("well_known")
+@pytest.mark.parametrize(("ratio", "spring"), [(0.05, True), (0.5, False)])
+def test_what_brakes_the_load_in_its_gap_and_hardly_pulls_is_no_spring(
+    moves: Moves, ratio: float, spring: bool
+) -> None:
+    """However well the moves are described with it: a film of grease left 1.04 of what was expected as a spring."""
+    model = Model(("X1",), 1, (DrivenPreload(("X1",)),), "whole_move", ("constant", "skew"), bridge=False)
+    at = point_at(
+        model, MACHINE | {"X1.preload_stiffness": 1400.0, "X1.preload_damping_ratio": ratio}, [moves]
+    )
+    limits = no_such_effect(Fitted(model, (moves,), at, np.zeros(10), every(model)))
+    assert limits == (() if spring else ("X1.preload_damping_ratio",))
 
 
 @pytest.mark.usefixtures("well_known")
