@@ -32,7 +32,7 @@ SHAPES = 2
 ROUNDS = 12
 """Rounds of a fit of all moves."""
 FEW, BRIEF = 4, 5
-"""Moves and rounds with which starts are compared."""
+"""Moves, at most, and rounds with which starts are compared."""
 SAME_PLACE = 1e-4
 """Distance within which two moves begin at one place [m] (chosen: none of what depends on the place differs there)."""
 TOO_MUCH = 4.0

@@ -106,7 +106,7 @@ def test_an_effect_that_becomes_none_when_its_fit_is_ended_is_not_named(
 def test_what_only_a_law_explains_that_no_such_effect_has_is_unknown(
     monkeypatch: pytest.MonkeyPatch, limits: tuple[str, ...], left: tuple[float, float], b: float, found: str
 ) -> None:
-    """A film of grease braked the load in its gap: moves that were not fitted were 3.4 off, those that were 1.25."""
+    """A film of grease braked the load in its gap, which hardly showed in the moves that were fitted."""
     before, tried = trial(1.25, 3.4), replace(trial(*left), at_limits=limits)
     before.model.fitted.both, tried.model.fitted.both = (50e-6, 1e-7), (b, 1e-7)
     tried.model.fitted.model.effects = (SimpleNamespace(name="preload_flank"),)

@@ -167,7 +167,7 @@ def test_nothing_heavier_than_the_load_lies_between_two_gaps(moves: Moves, mass:
 def test_what_brakes_the_load_in_its_gap_and_hardly_pulls_is_no_spring(
     moves: Moves, ratio: float, spring: bool
 ) -> None:
-    """However well the moves are described with it: a film of grease left 1.04 of what was expected as a spring."""
+    """However well the moves are described with it: a film of grease left next to nothing as a spring."""
     model = Model(("X1",), 1, (DrivenPreload(("X1",)),), "whole_move", ("constant", "skew"), bridge=False)
     at = point_at(
         model, MACHINE | {"X1.preload_stiffness": 1400.0, "X1.preload_damping_ratio": ratio}, [moves]
