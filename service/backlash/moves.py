@@ -12,10 +12,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from service.backlash.alike_moves import averaged as averaged_over
 from service.backlash.model_fit_data import KEPT, acceleration_of, bias_at_rest, reconstructed
+from service.backlash.motor_rows import MotorRows, motor_rows
 from service.backlash.rest_noise import noise_at_rest, sample_noise
 from service.backlash.set_points import motors_of
 from service.backlash.signals import summed
@@ -114,6 +116,7 @@ class Moves:
     wander, white : how what is expected divides, and whether residuals are whitened by it
     lasting : how long residuals of acceleration are summed up to those of speed [s]; 0: they are compared themselves
     apart : how far a gantry's motors may be apart beyond their positions, over the prior's width
+    motors : (T, X) what the motors' equations of motion say of the forces on them; none where they are not asked
     """
 
     recording: Recording
@@ -133,6 +136,7 @@ class Moves:
     white: bool = False
     lasting: float = 0.0
     apart: float = 1.0
+    motors: tuple[tuple[MotorRows, ...], ...] = ()
 
     @property
     def h(self) -> float:
@@ -165,6 +169,24 @@ class Moves:
     def measured(self) -> FloatArray:
         """(T, X, K), NaN where a sample was lost."""
         return np.stack([grid.measured for grid in self.grids])
+
+    @cached_property
+    def of_samples(self) -> NDArray[np.bool_]:
+        """(N,) which residuals, move after move, are the accelerometer's samples; the others are the motors'."""
+        return np.concatenate([kind for of_move in self._kinds for kind in of_move])
+
+    @cached_property
+    def ends(self) -> NDArray[np.int64]:
+        """(T + 1,) where the residuals of the moves begin and end."""
+        return np.cumsum([0, *(sum(len(kind) for kind in of_move) for of_move in self._kinds)])
+
+    @property
+    def _kinds(self) -> list[tuple[FloatArray, FloatArray]]:
+        motors = self.motors or [()] * len(self.grids)
+        return [
+            (np.ones(int(np.sum(used)), dtype=bool), np.zeros(sum(len(m.weight) for m in own), dtype=bool))
+            for used, own in zip(self.used, motors, strict=True)
+        ]
 
 
 def sensor_zero(trace: Trace, recording: Recording, noise: float) -> float:
@@ -251,6 +273,7 @@ def early_part(moves: Moves, share: float) -> Moves:
         reference=None,
         wander=None,
         white=False,
+        motors=(),
     )
 
 
@@ -274,6 +297,7 @@ def some_of(moves: Moves, count: int) -> Moves:
         swings=None if moves.swings is None else moves.swings.of(kept),
         wander=None,
         white=False,
+        motors=moves.motors[kept],
     )
 
 
@@ -328,7 +352,8 @@ def left_over(moves: Moves, model: Model, values: Values) -> dict[str, FloatArra
 
 
 def residuals(moves: Moves, said: Course) -> FloatArray:
-    """(measured − predicted) of the samples used, over the standard deviation that is expected of it: (S, N)."""
+    """(measured − predicted) of the samples used, over the standard deviation that is expected of it, and behind those
+    of each move what its motors say of the force: (S, N)."""
     difference = (moves.measured - said.acceleration()) / moves.noise[:, None]
     over = (
         moves.wander.whitened(difference, moves.used)
@@ -337,7 +362,12 @@ def residuals(moves: Moves, said: Course) -> FloatArray:
     )
     if moves.lasting:
         over = summed(np.where(moves.used, over, 0.0), np.exp(-moves.h / moves.lasting))
-    return np.asarray(over[:, moves.used])
+    if not moves.motors:
+        return np.asarray(over[:, moves.used])
+    force, parts = said.force(), []
+    for t, own in enumerate(moves.motors):
+        parts += [over[:, t][:, moves.used[t]], *(rows.of(force[:, t, x]) for x, rows in enumerate(own))]
+    return np.concatenate(parts, axis=1)
 
 
 def misfits(moves: Moves, model: Model, shared: FloatArray, local: FloatArray) -> FloatArray:
@@ -372,6 +402,24 @@ def with_reconstructed_motion(
         echoes=tuple(zip(*echoes, strict=True)),
         reference=force if follow else None,
     )
+
+
+def with_motors_asked(moves: Moves, model: Model, shared: FloatArray, force: FloatArray) -> Moves:
+    """The moves with the equations of motion of their motors as further residuals, weighed by how well they hold of the
+    force (T, X, K + 1) of a fit; where no torque was recorded, as they are."""
+    recording, motors = moves.recording, []
+    lags = model.lags(model.numbers(shared))
+    values = model.complete(model.values(shared[None]))
+    for x, axis in enumerate(moves.axes):
+        torque = recording.trace(axis, "motor_torque")
+        if torque is None:
+            return moves
+        skew = float(values[f"{axis}.skew"][0])
+        loads = [(grid.time + skew, force[t, x]) for t, grid in enumerate(moves.grids)]
+        motions = [motion[x] for motion in moves.motion]
+        speed, ratio = recording.traces[axis, "motor_speed"], recording.axis(axis).transmission
+        motors.append(motor_rows(speed, torque, moves.noise_left[x], ratio, loads, motions, lags[x]))
+    return replace(moves, motors=tuple(zip(*motors, strict=True)))
 
 
 def echoes_of(speed: Trace, loads: Sequence[Load], balance: Balance, share: float, lag: float) -> list[Echo]:

@@ -7,7 +7,7 @@ max(1, present misfit), so that the priors hold while the fit is still bad.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -15,7 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.backlash.model_fit_problem import DIFFERENCE
-from service.backlash.moves import REST_SPREAD, Moves, misfits, predict, with_reconstructed_motion
+from service.backlash.moves import (
+    REST_SPREAD,
+    Moves,
+    misfits,
+    predict,
+    with_motors_asked,
+    with_reconstructed_motion,
+)
 from service.dynamics.driven_model import Model
 from service.recording import FloatArray
 
@@ -187,7 +194,7 @@ def jacobian(
         r = misfits(part, model, sets, lanes)
         rows.append(r[0] if known is None else known[begin : begin + r.shape[1]])
         slopes.append((r[own:] - rows[-1]) / differences[:, None])
-        counts += [int(np.sum(used)) for used in part.used]
+        counts += np.diff(part.ends).tolist()
         begin += r.shape[1]
     J = np.hstack(slopes).T
     J = np.where(np.abs(J) < OVERFLOWN, J, 0.0)
@@ -236,7 +243,7 @@ def settle_locally(
     L, local, rows, first = width(model), [], [], 0
     for part, own in zip(moves, at.local, strict=True):
         T = len(own)
-        ends = np.cumsum([0, *(int(np.sum(used)) for used in part.used)])
+        ends = part.ends
         here = known[first : first + ends[-1]]
         lanes = np.tile(own, (L, 1, 1))
         for j in range(L):
@@ -268,13 +275,15 @@ def fit(
     free: Free | None = None,
     tolerance: float = 0.3,
 ) -> Fitted:
-    """Levenberg-Marquardt, several dampings at once; ends when a round gains less than `tolerance` of cost."""
+    """Levenberg-Marquardt, several dampings at once; ends when a round gains less than `tolerance` of cost. What the
+    motors say counts in the cost and is no part of the fit's residuals."""
     damping, free, at = 1e-2, every(model) if free is None else free, within(model, at)
+    of_samples = np.concatenate([part.of_samples for part in moves])
     with np.errstate(all="ignore"):
         r = trials(moves, model, [at])[0]
         for _ in range(rounds if np.all(np.isfinite(r)) else 0):
             r, J = jacobian(moves, model, at, free, r)
-            scale = max(1.0, float(np.sqrt(np.mean(r**2))))
+            scale = max(1.0, float(np.sqrt(np.mean(r[of_samples] ** 2))))
             H, g = J.normal(r)
             H, g = H / scale**2 + np.eye(len(H)), g / scale**2 + priors(at, free)
             held = np.flatnonzero(stopped(model, at, free, g))
@@ -294,7 +303,8 @@ def fit(
             at, r = settle_locally(moves, model, at, scale, r)
             if before - cost(at, r, scale, free) < tolerance and (gained or damping > 1e3):
                 break
-    return Fitted(model, tuple(moves), at, np.nan_to_num(r, nan=OVERFLOWN), free)
+    alone = tuple(replace(part, motors=()) if part.motors else part for part in moves)
+    return Fitted(model, alone, at, np.nan_to_num(r[of_samples], nan=OVERFLOWN), free)
 
 
 def rests_found(
@@ -366,13 +376,14 @@ def as_alike_moves(found: Fitted) -> Point:
     return Point(found.at.shared, tuple(local))
 
 
-def reconstructed(found: Fitted, follow: bool = True) -> tuple[Moves, ...]:
+def reconstructed(found: Fitted, follow: bool = True, asked: bool = False) -> tuple[Moves, ...]:
     """The moves with the motor's motion reconstructed from the fit; with `follow` it goes on following the force. No
-    motor follows a fit that ran away."""
+    motor follows a fit that ran away. With `asked` the motors' equations of motion are residuals, too."""
     out = []
     for part, local in zip(found.moves, found.at.local, strict=True):
         force = predict(part, found.model, found.at.shared[None], local[None]).force()[0]
         sound = bool(np.all(np.isfinite(force)))
         at = found.at.shared
-        out.append(with_reconstructed_motion(part, found.model, at, force, follow) if sound else part)
+        now = with_reconstructed_motion(part, found.model, at, force, follow) if sound else part
+        out.append(with_motors_asked(now, found.model, at, force) if sound and asked else now)
     return tuple(out)

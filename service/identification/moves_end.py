@@ -91,12 +91,17 @@ def followed(on: Fitted, rounds: int) -> Fitted:
 def out_of_corner(found: Fitted, rounds: int) -> Fitted:
     """The fit, or a nearer one begun with a typical chain where a mass or a spring of it is as no machine's: the motion
     of the motors that was made with such a chain fits no other, so it is made anew before the two are compared."""
-    links = {f"{link}_{of}" for link in LINKS[found.model.lumps] for of in ("mass", "stiffness")}
-    numbers = zip(found.model.parameters, found.at.shared, strict=True)
-    if found.rms < ENDED or all(abs(u) < CORNERED for p, u in numbers if p.name.rpartition(".")[2] in links):
+    if found.rms < ENDED or not cornered(found):
         return found
     begun = fitted_from(found, put_back(found, chain(found.model)), rounds)
     return min(found, fit(reconstructed(begun), begun.model, begun.at, rounds), key=lambda f: f.rms)
+
+
+def cornered(found: Fitted) -> bool:
+    """Whether a mass or a spring of a fit's chain is as no machine's."""
+    links = {f"{link}_{of}" for link in LINKS[found.model.lumps] for of in ("mass", "stiffness")}
+    numbers = zip(found.model.parameters, found.at.shared, strict=True)
+    return any(abs(u) >= CORNERED for p, u in numbers if p.name.rpartition(".")[2] in links)
 
 
 def in_turns(found: Fitted) -> Fitted:
@@ -188,10 +193,12 @@ def with_own_errors(found: Fitted) -> Fitted:
 def steady(found: Fitted) -> Fitted:
     """The fit continued until it and the motion of the motors that is reconstructed from it agree: each takes the other
     along, and the numbers that no sample tells by itself, such as the parts of friction, arrive last. Every move may
-    wander as the noise of its speed lets it. A damping that no chain has is left here once more. A hopeless fit stays
-    what it is."""
+    wander as the noise of its speed lets it. Masses, springs and dampings that no chain has are left here once more. A
+    hopeless fit stays what it is."""
     if found.rms >= HOPELESS:
         return found
+    if cornered(found):
+        found = min(found, begun_by_speeds(found), key=lambda f: f.rms)
     white = agreed(whitened(found, True))
     other = over_ridges(white)
     white = agreed(other) if other.rms < RIDGE * white.rms else white
@@ -209,7 +216,7 @@ def whitened(found: Fitted, white: bool) -> Fitted:
 def agreed(found: Fitted) -> Fitted:
     """The fit and the motion of the motors that is reconstructed from it, in turns until they agree."""
     for turn in range(TURNS):
-        on = fit(reconstructed(found), found.model, found.at, ROUNDS, tolerance=0.05)
+        on = fit(reconstructed(found, asked=True), found.model, found.at, ROUNDS, tolerance=0.05)
         change, found = abs(float(on.r @ on.r - found.r @ found.r)), on
         if turn and change < STEADY:
             break

@@ -1,0 +1,182 @@
+"""Eq. (1) at the motor as further rows of a fit: what the torque tells of the force on the motor.
+
+The accelerometer tells the parts of a guide's friction from one another only by when flanks meet. The torque has to
+overcome friction all the way, so what is left of the motor's equation of motion,
+
+    a_mot = −force·F + torque·τ − friction at the motor,
+
+with the force F that a model makes is a second witness: of friction above all. What the motor has of its own (its
+inertia under both, its friction, which is a constant and a share of the speed while it moves, and how late torque and
+force are) is fitted to every move by itself and taken off, so that the rows say nothing of it and stay within their
+move.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PPoly
+
+from service.dynamics.driven_reconstruction import (
+    Load,
+    behind,
+    force_course,
+    mean_between,
+    torque_courses,
+    window,
+)
+from service.recording import FloatArray, Trace
+
+MOVING = 0.05
+"""Share of a move's greatest speed from which on the motor moves; below, its friction is none of these."""
+ABOUT = 3
+"""Samples to either side over which what is left of the balance is averaged to its size (chosen)."""
+OWN = 6
+"""What is fitted to every move: force and torque, how late each is, and two parts of friction."""
+LATE = 1e-4
+"""Unit of how late they are [s]."""
+
+
+@dataclass(frozen=True)
+class Heard:
+    """How the force at the K + 1 points of a step's grid is heard between n + 1 neighbouring speed samples: its mean
+    and its change over `LATE`, (n, K + 1) each."""
+
+    mean: NDArray[np.float32]
+    change: NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class MotorRows:
+    """What is left of the balance of one motor in one move, over its standard deviation: n rows.
+
+    Attributes
+    ----------
+    heard : how the force is heard
+    weight : (n,) one over the standard deviation [s²/m]; 0 where the motor does not move
+    own : (n, q) what else than the force acts, weighed and orthonormal
+    acceleration : (n,) of the motor, weighed, without what `own` explains
+    """
+
+    heard: Heard
+    weight: FloatArray
+    own: FloatArray
+    acceleration: FloatArray
+
+    def of(self, force: FloatArray) -> FloatArray:
+        """The rows (S, n) by forces per moved mass (S, K + 1) [m/s²]; one that would not hold the motor back acts on it
+        by nothing."""
+        parts = [
+            self.without_own(force @ how.T * self.weight) for how in (self.heard.mean, self.heard.change)
+        ]
+        mean, change = parts
+        mm, mc, cc = (np.sum(a * b, axis=1) for a, b in ((mean, mean), (mean, change), (change, change)))
+        my, cy = mean @ self.acceleration, change @ self.acceleration
+        scale = mm * cc - mc * mc
+        scale = np.where(scale > 1e-12 * mm * cc, scale, np.inf)
+        of_mean, of_change = (cc * my - mc * cy) / scale, (mm * cy - mc * my) / scale
+        explained = of_mean[:, None] * mean + of_change[:, None] * change
+        return np.asarray(self.acceleration - np.where(of_mean[:, None] > 0.0, 0.0, explained))
+
+    def without_own(self, rows: FloatArray) -> FloatArray:
+        """Rows (S, n) without what `own` explains."""
+        return np.asarray(rows - (rows @ self.own) @ self.own.T)
+
+
+def motor_rows(
+    speed: Trace,
+    torque: Trace,
+    noise_left: FloatArray,
+    transmission: float,
+    loads: Sequence[Load],
+    motions: Sequence[PPoly],
+    lag: float = 0.0,
+) -> list[MotorRows]:
+    """The rows of one motor in every move.
+
+    Parameters
+    ----------
+    noise_left : share of the noise of each speed sample that is left by averaging alike moves, which then share it
+    transmission : [m/rad]
+    loads : the force on the motor as the model says it so far
+    motions : of the motor so far
+    lag : of the speed that the drive reports [s]
+    """
+    courses = torque_courses([window(torque, load) for load in loads], motions, lag)
+    known: dict[tuple[int, int], Heard] = {}
+    balances, left = [], []
+    for load, course in zip(loads, courses, strict=True):
+        inside = (speed.time >= load[0][0]) & (speed.time <= load[0][-1])
+        time, v = speed.time[inside], speed.value[inside] * transmission
+        where = (round((float(time[0]) - float(load[0][0])) * 1e7), len(time))
+        if where not in known:
+            known[where] = heard(load[0], time, lag)
+        balances.append(Balanced(known[where], course, time, v))
+        left.append(float(np.mean(noise_left[inside])))
+    alike = [one.rows(one.moving.astype(float)) for one in balances]
+    errors = [rows.of(load[1][None])[0] for rows, load in zip(alike, loads, strict=True)]
+    spread = spread_of(errors, [one.moving for one in balances])
+    return [
+        one.rows(np.where(one.moving, share / spread[: len(one.moving)], 0.0))
+        for one, share in zip(balances, left, strict=True)
+    ]
+
+
+@dataclass(frozen=True)
+class Balanced:
+    """What eq. (1) is about in one move: the torque's course [N m], and times [s] and values [m/s] of the motor's speed
+    at the output."""
+
+    heard: Heard
+    torque: PPoly
+    time: FloatArray
+    speed: FloatArray
+
+    @property
+    def mean(self) -> FloatArray:
+        """(n,) speed between the samples [m/s]."""
+        return np.asarray(0.5 * (self.speed[1:] + self.speed[:-1]))
+
+    @property
+    def moving(self) -> NDArray[np.bool_]:
+        """(n,) where the motor moves."""
+        return np.asarray(np.abs(self.mean) > MOVING * np.max(np.abs(self.speed)))
+
+    def rows(self, weight: FloatArray) -> MotorRows:
+        """The rows, weighed by (n,) [s²/m]."""
+        late = LATE * np.diff(self.torque(self.time)) / np.diff(self.time)
+        acts = (mean_between(self.torque, self.time), late, self.mean, np.ones_like(self.mean))
+        own = np.linalg.qr(np.column_stack(acts) * weight[:, None])[0]
+        acceleration = np.diff(self.speed) / np.diff(self.time) * weight
+        return MotorRows(self.heard, weight, own, acceleration - own @ (own.T @ acceleration))
+
+
+def spread_of(errors: Sequence[FloatArray], moving: Sequence[NDArray[np.bool_]]) -> FloatArray:
+    """Standard deviation (n,) of what is left of the balance [m/s²], by how long a move has lasted, from all moves.
+    What goes on from one sample to the next is no noise and tells less: it counts as the fewer samples that it is
+    worth."""
+    n = max(len(e) for e in errors)
+    squares, counts, along, whole = np.zeros(n), np.zeros(n), 0.0, 1e-300
+    for e, there in zip(errors, moving, strict=True):
+        squares[: len(e)] += e**2
+        counts[: len(e)] += there
+        along += float(e[1:] @ e[:-1])
+        whole += float(e @ e)
+    about = np.ones(2 * ABOUT + 1)
+    free = 1.0 - OWN / max(float(np.mean([np.sum(there) for there in moving])), OWN + 1.0)
+    mean = np.convolve(squares, about, "same") / np.maximum(np.convolve(counts, about, "same"), 1.0) / free
+    lasting = np.clip(along / whole, 0.0, 0.95)
+    return np.asarray(np.sqrt(np.maximum(mean * (1.0 + lasting) / (1.0 - lasting), 1e-300)))
+
+
+def heard(grid: FloatArray, time: FloatArray, lag: float) -> Heard:
+    """How forces at the grid's times (K + 1,) are heard between the times (n + 1,) of speed samples, behind a `lag`."""
+    unit = behind(np.eye(len(grid)), float(grid[1] - grid[0]), lag)
+    course = force_course((grid, unit))
+    dt = np.diff(time)[:, None]
+    mean = np.diff(course.antiderivative()(time), axis=0) / dt
+    change = LATE * np.diff(course(time), axis=0) / dt
+    return Heard(mean.astype(np.float32), change.astype(np.float32))

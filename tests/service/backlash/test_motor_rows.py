@@ -1,0 +1,134 @@
+"""Eq. (1) at the motor as rows of a fit, on motions whose force and torque are given by formula."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+from service.backlash.motor_rows import MotorRows, motor_rows, spread_of
+from service.recording import FloatArray, Trace
+
+DURATION, REST, RATIO = 0.08, 0.2, 0.003
+FORCE, TORQUE, VISCOUS, COULOMB = 0.8, 1.3, 0.5, 0.1
+"""Load over the motor's inertia, m/s² per N m, 1/s and m/s² of the motor's own friction."""
+STARTS = tuple(0.3 + k * (DURATION + REST) for k in range(8))
+GAP = (0.5, 0.62)
+"""Where in a move no flank touches, as shares of it."""
+
+
+def speed_at(time: FloatArray) -> FloatArray:
+    """Of the motor at the output [m/s]: sin² in every move, rest between them."""
+    into = (time - STARTS[0]) % (DURATION + REST)
+    running = (time > STARTS[0]) & (into < DURATION)
+    return np.where(running, 0.08 * np.sin(np.pi * into / DURATION) ** 2, 0.0)
+
+
+def acceleration_at(time: FloatArray) -> FloatArray:
+    """Its derivative [m/s²]."""
+    into = (time - STARTS[0]) % (DURATION + REST)
+    running = (time > STARTS[0]) & (into < DURATION)
+    return np.where(running, 0.08 * np.pi / DURATION * np.sin(2.0 * np.pi * into / DURATION), 0.0)
+
+
+def touching(time: FloatArray) -> FloatArray:
+    """1 where a flank touches, 0 in the gap, smooth between."""
+    share = ((time - STARTS[0]) % (DURATION + REST)) / DURATION
+    return 1.0 - 0.5 * (np.tanh((share - GAP[0]) / 0.01) - np.tanh((share - GAP[1]) / 0.01))
+
+
+def force_at(time: FloatArray) -> FloatArray:
+    """On the motor per moved mass [m/s²]: a load that the flanks push, and rubs."""
+    rubbing = 0.4 * np.tanh(speed_at(time) / 0.002)
+    return np.asarray(touching(time) * (acceleration_at(time) + rubbing))
+
+
+def rows_of_a_motor(noise: float, seed: int = 4) -> tuple[list[MotorRows], list[FloatArray]]:
+    """The rows of all moves, told the true force, and the times of their grids; `noise` of the speed in rad/s."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, STARTS[-1] + DURATION + REST, 1e-3)
+    v = speed_at(time)
+    torque = (acceleration_at(time) + FORCE * force_at(time) + VISCOUS * v + COULOMB * (v > 0.0)) / TORQUE
+    speed = v / RATIO + noise * rng.standard_normal(len(time))
+    grids = [np.arange(start - 0.002, start + DURATION + 0.03, 2.5e-4) for start in STARTS]
+    motion = CubicSpline(time, v).antiderivative()
+    rows = motor_rows(
+        Trace(time, speed),
+        Trace(time, torque),
+        np.ones(len(time)),
+        RATIO,
+        [(grid, force_at(grid)) for grid in grids],
+        [motion] * len(grids),
+    )
+    return rows, grids
+
+
+def told(rows: list[MotorRows], forces: list[FloatArray], more: list[FloatArray]) -> tuple[float, float]:
+    """How much of `more` the force has by the rows, by least squares, and the standard deviation of that."""
+    at = np.concatenate([one.of(f[None])[0] for one, f in zip(rows, forces, strict=True)])
+    off = np.concatenate(
+        [one.of((f + 0.01 * m)[None])[0] for one, f, m in zip(rows, forces, more, strict=True)]
+    )
+    slope = (off - at) / 0.01
+    return -float(slope @ at / (slope @ slope)), float(1.0 / np.sqrt(slope @ slope))
+
+
+def rms_of(rows: list[MotorRows], forces: list[FloatArray], beside: list[FloatArray] | None = None) -> float:
+    """RMS of the rows by forces, or of what they are apart from those by others."""
+    parts = [one.of(f[None])[0] for one, f in zip(rows, forces, strict=True)]
+    if beside is not None:
+        parts = [part - one.of(f[None])[0] for part, one, f in zip(parts, rows, beside, strict=True)]
+    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
+
+
+def test_nothing_is_left_of_the_balance_with_the_force_that_acted() -> None:
+    rows, grids = rows_of_a_motor(0.0003)
+    without_the_gap = [force_at(grid) / np.maximum(touching(grid), 1e-3) for grid in grids]
+    pulling = [-force_at(grid) for grid in grids]
+    none = [np.zeros_like(grid) for grid in grids]
+    left = rms_of(rows, [force_at(grid) for grid in grids])
+    assert left < 0.2 * rms_of(rows, without_the_gap)
+    assert rms_of(rows, pulling) == pytest.approx(rms_of(rows, none))
+    assert left < 0.2 * rms_of(rows, none)
+
+
+def test_the_torque_tells_what_rubs_only_where_the_flanks_touch() -> None:
+    rows, grids = rows_of_a_motor(0.003)
+    forces = [force_at(grid) for grid in grids]
+    rubbing = [touching(grid) * np.tanh(speed_at(grid) / 0.002) for grid in grids]
+    less = [f - 0.1 * m for f, m in zip(forces, rubbing, strict=True)]
+    found, spread = told(rows, less, rubbing)
+    assert spread < 0.03, "of a friction of 0.4 m/s²"
+    assert found == pytest.approx(0.1, abs=3.5 * spread)
+
+
+def test_what_the_motor_may_have_of_its_own_is_not_told() -> None:
+    rows, grids = rows_of_a_motor(0.003)
+    forces = [force_at(grid) for grid in grids]
+    as_its_own = [f + 3.0 * speed_at(grid) for f, grid in zip(forces, grids, strict=True)]
+    as_the_loads = [f + 3.0 * speed_at(grid) * touching(grid) for f, grid in zip(forces, grids, strict=True)]
+    assert rms_of(rows, as_its_own, forces) < 0.05 * rms_of(rows, as_the_loads, forces)
+
+
+def test_a_force_that_is_zero_or_no_number_leaves_the_motors_own_balance() -> None:
+    rows, grids = rows_of_a_motor(0.003)
+    forces = np.stack([np.zeros_like(grids[0]), np.full_like(grids[0], np.nan)])
+    none, ran_away = rows[0].of(forces)
+    np.testing.assert_allclose(none, rows[0].acceleration)
+    assert np.any(np.isnan(ran_away))
+
+
+def test_what_goes_on_from_sample_to_sample_counts_as_the_fewer_samples_that_it_is_worth() -> None:
+    rng, keep = np.random.default_rng(6), 0.6
+    white = [0.02 * rng.standard_normal(3000) for _ in range(20)]
+    lasting = []
+    for e in white:
+        on = np.empty_like(e)
+        on[0] = e[0]
+        for k in range(1, len(e)):
+            on[k] = keep * on[k - 1] + np.sqrt(1.0 - keep**2) * e[k]
+        lasting.append(on)
+    moving = [np.ones(3000, dtype=bool)] * 20
+    np.testing.assert_allclose(np.median(spread_of(white, moving)), 0.02, rtol=0.02)
+    as_mean = np.sqrt((1.0 + keep) / (1.0 - keep))
+    np.testing.assert_allclose(np.median(spread_of(lasting, moving)), 0.02 * as_mean, rtol=0.05)

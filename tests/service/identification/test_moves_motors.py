@@ -1,0 +1,66 @@
+"""The motors' equations of motion beside the accelerometer's samples in a fit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from service.backlash.moves import early_part, predict, residuals, some_of
+from service.backlash.moves_fit import Fitted, every, fit, jacobian, reconstructed
+from service.recording import Recording
+
+
+@pytest.fixture(scope="module")
+def asked(found: Fitted) -> Fitted:
+    """The fit with its motors asked."""
+    moves = reconstructed(found, asked=True)
+    return replace(found, moves=moves)
+
+
+def test_what_the_motors_say_stands_behind_the_samples_of_their_move(asked: Fitted) -> None:
+    moves = asked.moves[0]
+    said = predict(moves, asked.model, asked.at.shared[None], asked.at.local[0][None])
+    all_rows, samples = residuals(moves, said)[0], residuals(replace(moves, motors=()), said)[0]
+    np.testing.assert_array_equal(all_rows[moves.of_samples], samples)
+    last = moves.ends[3] + int(np.sum(moves.used[3]))
+    own = moves.motors[3][0].of(said.force()[:, 3, 0])[0]
+    np.testing.assert_array_equal(all_rows[last : moves.ends[4]], own)
+    assert len(all_rows) == moves.ends[-1]
+
+
+def test_parts_of_the_moves_keep_their_own_motors(asked: Fitted) -> None:
+    moves = asked.moves[0]
+    assert some_of(moves, 2).motors == moves.motors[1:3]
+    assert early_part(moves, 0.5).motors == ()
+
+
+def test_a_fit_counts_what_the_motors_say_and_returns_samples_alone(asked: Fitted, found: Fitted) -> None:
+    on = fit(asked.moves, asked.model, asked.at, 2)
+    assert len(on.r) == len(found.r)
+    assert not any(part.motors for part in on.moves)
+    alone = fit([replace(part, motors=()) for part in asked.moves], asked.model, asked.at, 2)
+    assert np.any(on.at.shared != alone.at.shared)
+
+
+def test_the_torque_alone_tells_viscous_friction_to_a_tenth(asked: Fitted) -> None:
+    """By the accelerometer it is known from when the flanks meet; the torque has to overcome it all the way."""
+    k = [p.name for p in asked.model.parameters].index("X1.viscous")
+    known = []
+    for moves in (asked.moves, [replace(part, motors=()) for part in asked.moves]):
+        r, slopes = jacobian(moves, asked.model, asked.at, every(asked.model))
+        H, _ = slopes.normal(r)
+        known.append(1.0 / float(np.linalg.inv(H + np.eye(len(H)))[k, k]))
+    assert known[0] - known[1] > 1.0 / 0.1**2
+
+
+def test_a_recording_without_torque_is_fitted_by_its_samples_alone(
+    captures: tuple[Recording, Recording], found: Fitted
+) -> None:
+    def without(recording: Recording) -> Recording:
+        traces = {key: trace for key, trace in recording.traces.items() if key[1] != "motor_torque"}
+        return replace(recording, traces=traces)
+
+    moves = [replace(part, recording=without(part.recording)) for part in found.moves]
+    assert not any(part.motors for part in reconstructed(replace(found, moves=tuple(moves)), asked=True))
