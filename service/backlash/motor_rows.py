@@ -38,6 +38,8 @@ OWN = 6
 """What is fitted to every move: force and torque, how late each is, and two parts of friction."""
 LATE = 1e-4
 """Unit of how late they are [s]."""
+BETWEEN = 0.75
+"""Noise of the mean of a cubic spline between two samples, over that of one: sqrt(Σ w²) for (−1, 13, 13, −1)/24."""
 
 
 @dataclass(frozen=True)
@@ -94,8 +96,9 @@ def motor_rows(
     loads: Sequence[Load],
     motions: Sequence[PPoly],
     lag: float = 0.0,
+    noise: tuple[float, float] | None = None,
 ) -> list[MotorRows]:
-    """The rows of one motor in every move.
+    """The rows of one motor in every move, over how well its equation holds of the forces, or over the `noise` alone.
 
     Parameters
     ----------
@@ -104,6 +107,7 @@ def motor_rows(
     loads : the force on the motor as the model says it so far
     motions : of the motor so far
     lag : of the speed that the drive reports [s]
+    noise : standard deviation of a sample of the speed [rad/s] and of the torque [N m]
     """
     courses = torque_courses([window(torque, load) for load in loads], motions, lag)
     known: dict[tuple[int, int], Heard] = {}
@@ -116,12 +120,18 @@ def motor_rows(
             known[where] = heard(load[0], time, lag)
         balances.append(Balanced(known[where], course, time, v))
         left.append(float(np.mean(noise_left[inside])))
-    alike = [one.rows(one.moving.astype(float)) for one in balances]
-    errors = [rows.of(load[1][None])[0] for rows, load in zip(alike, loads, strict=True)]
-    spread = spread_of(errors, [one.moving for one in balances])
+    if noise:
+        spread = [
+            one.by_noise(load[1], noise, transmission) for one, load in zip(balances, loads, strict=True)
+        ]
+    else:
+        alike = [one.rows(one.moving.astype(float)) for one in balances]
+        errors = [rows.of(load[1][None])[0] for rows, load in zip(alike, loads, strict=True)]
+        of_all = spread_of(errors, [one.moving for one in balances])
+        spread = [of_all[: len(one.moving)] for one in balances]
     return [
-        one.rows(np.where(one.moving, share / spread[: len(one.moving)], 0.0))
-        for one, share in zip(balances, left, strict=True)
+        one.rows(np.where(one.moving, share / about, 0.0))
+        for one, share, about in zip(balances, left, spread, strict=True)
     ]
 
 
@@ -145,13 +155,29 @@ class Balanced:
         """(n,) where the motor moves."""
         return np.asarray(np.abs(self.mean) > MOVING * np.max(np.abs(self.speed)))
 
+    @property
+    def acceleration(self) -> FloatArray:
+        """(n,) between the samples [m/s²]."""
+        return np.asarray(np.diff(self.speed) / np.diff(self.time))
+
+    @property
+    def own(self) -> FloatArray:
+        """(n, 4) what else than the force acts: the torque, how late it is, and two parts of friction."""
+        late = LATE * np.diff(self.torque(self.time)) / np.diff(self.time)
+        torque = mean_between(self.torque, self.time)
+        return np.column_stack((torque, late, self.mean, np.ones_like(self.mean)))
+
     def rows(self, weight: FloatArray) -> MotorRows:
         """The rows, weighed by (n,) [s²/m]."""
-        late = LATE * np.diff(self.torque(self.time)) / np.diff(self.time)
-        acts = (mean_between(self.torque, self.time), late, self.mean, np.ones_like(self.mean))
-        own = np.linalg.qr(np.column_stack(acts) * weight[:, None])[0]
-        acceleration = np.diff(self.speed) / np.diff(self.time) * weight
+        own, acceleration = np.linalg.qr(self.own * weight[:, None])[0], self.acceleration * weight
         return MotorRows(self.heard, weight, own, acceleration - own @ (own.T @ acceleration))
+
+    def by_noise(self, force: FloatArray, noise: tuple[float, float], transmission: float) -> FloatArray:
+        """(n,) the standard deviation of the balance with such a force (K + 1,) by the noise of speed and torque."""
+        acts = np.column_stack((self.own, self.heard.mean @ force, self.heard.change @ force))
+        found = np.linalg.lstsq(acts[self.moving], self.acceleration[self.moving], rcond=None)[0]
+        of_speed = noise[0] * transmission * np.sqrt(2.0) / np.diff(self.time)
+        return np.asarray(np.hypot(of_speed, found[0] * noise[1] * BETWEEN))
 
 
 def spread_of(errors: Sequence[FloatArray], moving: Sequence[NDArray[np.bool_]]) -> FloatArray:

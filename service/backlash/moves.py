@@ -404,9 +404,11 @@ def with_reconstructed_motion(
     )
 
 
-def with_motors_asked(moves: Moves, model: Model, shared: FloatArray, force: FloatArray) -> Moves:
+def with_motors_asked(
+    moves: Moves, model: Model, shared: FloatArray, force: FloatArray, by_noise: bool = False
+) -> Moves:
     """The moves with the equations of motion of their motors as further residuals, weighed by how well they hold of the
-    force (T, X, K + 1) of a fit; where no torque was recorded, as they are."""
+    force (T, X, K + 1) of a fit, or by the noise alone; where no torque was recorded, as they are."""
     recording, motors = moves.recording, []
     lags = model.lags(model.numbers(shared))
     values = model.complete(model.values(shared[None]))
@@ -418,7 +420,8 @@ def with_motors_asked(moves: Moves, model: Model, shared: FloatArray, force: Flo
         loads = [(grid.time + skew, force[t, x]) for t, grid in enumerate(moves.grids)]
         motions = [motion[x] for motion in moves.motion]
         speed, ratio = recording.traces[axis, "motor_speed"], recording.axis(axis).transmission
-        motors.append(motor_rows(speed, torque, moves.noise_left[x], ratio, loads, motions, lags[x]))
+        noise = (sample_noise(speed, recording), sample_noise(torque, recording)) if by_noise else None
+        motors.append(motor_rows(speed, torque, moves.noise_left[x], ratio, loads, motions, lags[x], noise))
     return replace(moves, motors=tuple(zip(*motors, strict=True)))
 
 

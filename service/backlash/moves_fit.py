@@ -7,7 +7,7 @@ max(1, present misfit), so that the priors hold while the fit is still bad.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -102,13 +102,15 @@ class Slopes:
 
 @dataclass(frozen=True)
 class Fitted:
-    """A model at a point of its coordinates, of which `free` were fitted, with residuals over the noise (N,)."""
+    """A model at a point of its coordinates, of which `free` were fitted, with residuals over the noise (N,); and what
+    was left of the motors' equations, where they were asked."""
 
     model: Model
     moves: tuple[Moves, ...]
     at: Point
     r: FloatArray
     free: Free
+    motors: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @cached_property
     def slopes(self) -> Slopes:
@@ -119,6 +121,11 @@ class Fitted:
     @property
     def rms(self) -> float:
         return float(np.sqrt(np.mean(self.r**2)))
+
+    @property
+    def rms_with_motors(self) -> float:
+        """RMS of all that was compared."""
+        return float(np.sqrt(np.mean(np.concatenate((self.r, self.motors)) ** 2)))
 
     def value(self, name: str) -> float:
         """One parameter in its own unit."""
@@ -303,17 +310,22 @@ def fit(
             at, r = settle_locally(moves, model, at, scale, r)
             if before - cost(at, r, scale, free) < tolerance and (gained or damping > 1e3):
                 break
-    alone = tuple(replace(part, motors=()) if part.motors else part for part in moves)
-    return Fitted(model, alone, at, np.nan_to_num(r[of_samples], nan=OVERFLOWN), free)
+    r = np.nan_to_num(r, nan=OVERFLOWN)
+    return Fitted(model, tuple(map(unasked, moves)), at, r[of_samples], free, r[~of_samples])
+
+
+def unasked(moves: Moves) -> Moves:
+    """The moves without what their motors say."""
+    return replace(moves, motors=()) if moves.motors else moves
 
 
 def rests_found(
     moves: Sequence[Moves], model: Model, at: Point, among: Sequence[float] = REST_PLACES
 ) -> Point:
-    """The point with each move's resting place chosen among a few by its own residuals."""
+    """The point with each move's resting place chosen among a few by its own samples."""
     local = []
     values = model.numbers(at.shared)
-    for part, own in zip(moves, at.local, strict=True):
+    for part, own in zip((unasked(part) for part in moves), at.local, strict=True):
         rests = [rest for effect in model.effects for rest in effect.rests(values)]
         lying = [own, *(at_rest(own, model, rest) for rest in rests)]
         tried = np.tile(np.stack(lying), (len(among), 1, 1))
@@ -326,8 +338,7 @@ def rests_found(
             tried[:, :, 2 * x + 1] = -part.loads[:, 2 * x + 1]
             with np.errstate(all="ignore"):
                 r = misfits(part, model, sets, tried)
-            ends = np.cumsum([0, *(int(np.sum(used)) for used in part.used)])
-            squares = np.add.reduceat((r * part.expected[part.used]) ** 2, ends[:-1], axis=1)
+            squares = np.add.reduceat((r * part.expected[part.used]) ** 2, part.ends[:-1], axis=1)
             best = np.argmin(np.nan_to_num(squares, nan=np.inf), axis=0)
             best_own = tried[best, np.arange(len(best))]
             tried[:] = best_own
@@ -376,14 +387,17 @@ def as_alike_moves(found: Fitted) -> Point:
     return Point(found.at.shared, tuple(local))
 
 
-def reconstructed(found: Fitted, follow: bool = True, asked: bool = False) -> tuple[Moves, ...]:
+def reconstructed(
+    found: Fitted, follow: bool = True, asked: bool = False, by_noise: bool = False
+) -> tuple[Moves, ...]:
     """The moves with the motor's motion reconstructed from the fit; with `follow` it goes on following the force. No
-    motor follows a fit that ran away. With `asked` the motors' equations of motion are residuals, too."""
+    motor follows a fit that ran away. With `asked` the motors' equations of motion are residuals, too, over how well
+    they hold of the fit, or over the noise alone."""
     out = []
     for part, local in zip(found.moves, found.at.local, strict=True):
         force = predict(part, found.model, found.at.shared[None], local[None]).force()[0]
         sound = bool(np.all(np.isfinite(force)))
         at = found.at.shared
         now = with_reconstructed_motion(part, found.model, at, force, follow) if sound else part
-        out.append(with_motors_asked(now, found.model, at, force) if sound and asked else now)
+        out.append(with_motors_asked(now, found.model, at, force, by_noise) if sound and asked else now)
     return tuple(out)

@@ -16,6 +16,7 @@ from service.identification.given_effects import as_accepted, names_of, with_eff
 from service.identification.held_out import DESCRIBED, SEARCHED, Explained, trial_of
 from service.identification.moves_end import ended, settled_present
 from service.identification.moves_search import challenged, propose, without
+from service.identification.moves_valleys import contradiction
 from service.identification.scene import Scene, declared_fit, scene_of
 from service.identification.selection import Limits, Selection, Trial, distance, left, select, shown
 from service.recording import Recording
@@ -32,9 +33,15 @@ BEYOND = replace(LIMITS, material=FURTHER[0], enough=FURTHER[1])
 """Beyond accepted effects the next one is a further one."""
 HIDDEN = tuple(kind for kind in DRIVEN.values() if kind.many_valleys)
 """What the declared model may hide in the moves that are fitted: it makes one gap of two in series, as wide as both.
-Asked for where the others are not described as well, although numbers that are not known could do that, too."""
+Asked for where the others are not described as well, although numbers that are not known could do that, too, and where
+the motors contradict it."""
+CONTRADICTED = 2.5
+"""What the motors' equations of motion may leave, over the noise, with the force that the declared model makes: where
+it is more, something is hidden between motor and load (chosen)."""
 OF_HIDDEN = replace(LIMITS, material=0.05)
 """Where so little is left there is less to remove (chosen)."""
+OR_HIDDEN = replace(LIMITS, shares={kind.name: OF_HIDDEN.material for kind in HIDDEN})
+"""Anything, and less of what may be hidden."""
 
 
 def explain_axes(
@@ -81,19 +88,26 @@ def missing_in(
     scene: Scene, before: Trial[Explained], accepted: Sequence[str], tell: Callable[[str], None]
 ) -> Selection[Explained]:
     """What is missing in the model that is declared, or that was accepted. A zero that is seen to wander at rest is
-    asked for first; where numbers may do it that are not known, only what may be hidden. What accepted effects leave is
-    the next one's only where it is more than a law leaves that differs a little from the machine's, as after a first
-    effect."""
+    asked for first; where numbers may do it that are not known, or only the motors' equations of motion do not hold,
+    nothing but what may be hidden. What accepted effects leave is the next one's only where it is more than a law
+    leaves that differs a little from the machine's, as after a first effect."""
     if scene.zero_wanders and DrivenBias.name not in accepted:
         tell("the accelerometer's zero wanders while the axis rests")
         found = searched(scene, before, tell, LIMITS, first=(DrivenBias,))
         if found.effects:
             return found
-    if accepted and left(before) <= FURTHER[1]:
-        return nothing_beyond(before)
-    if not accepted and shown(before) <= SEARCHED and before.validation_rms > DESCRIBED:
+    if accepted:
+        beyond = left(before) > FURTHER[1]
+        return searched(scene, before, tell, BEYOND) if beyond else nothing_beyond(before)
+    if shown(before) > DESCRIBED:
+        return searched(scene, before, tell, LIMITS)
+    by_motors = contradiction(before.model.fitted)
+    contradicted = by_motors > CONTRADICTED
+    if contradicted:
+        tell(f"the motors' equations of motion leave {by_motors:.1f} of the noise")
+    if shown(before) <= SEARCHED and (contradicted or before.validation_rms > DESCRIBED):
         return searched(scene, before, tell, OF_HIDDEN, first=HIDDEN)
-    return searched(scene, before, tell, BEYOND if accepted else LIMITS)
+    return searched(scene, before, tell, OR_HIDDEN if contradicted else LIMITS)
 
 
 def searched(

@@ -77,6 +77,8 @@ RIVAL = 0.75
 HARDLY_NEARER = 0.99
 """RMS on a few moves, over that of the present fit, from which on an effect explains nothing of what is missing
 (chosen: a parameter more gains a few parts in ten thousand)."""
+AGAINST = 1.1
+"""How much farther than the best from the moves and the motors' equations of motion a fit may be (chosen)."""
 SECOND = 0.9
 """How much nearer to the moves a place must be for a fit to begin there once more."""
 
@@ -109,13 +111,16 @@ def carried(found: Fitted, brief: Brief, rounds: int) -> Fitted:
 
 def refitted(found: Fitted, brief: Sequence[Brief], enough: float) -> list[Fitted]:
     """The candidate on all moves, from the best of its fits of a few, the nearest first; of an effect with many valleys
-    one in each, with the motor's motion that it makes, for how near a few moves come says little of them. One that is
-    not near `enough` is only looked at."""
+    one in each, with the motor's motion that it makes, for how near a few moves come says little of them, unless the
+    motors speak against it. One that is not near `enough` is only looked at."""
     if brief[0].rms > enough:
         return [glanced_at(found, brief[0])]
     fits = [carried(found, one, FIRST_ROUNDS) for one in brief if brief[0].rms > RIVAL * one.rms]
     if fits[0].model.effects[-1].many_valleys:
-        return sorted((fit(reconstructed(f), f.model, f.at, ROUNDS) for f in fits), key=lambda f: f.rms)
+        fits = [fit(reconstructed(f, asked=True, by_noise=True), f.model, f.at, ROUNDS) for f in fits]
+        least = min(f.rms_with_motors for f in fits)
+        held = [f for f in fits if f.rms_with_motors <= AGAINST * least]
+        return sorted(held, key=lambda f: f.rms)
     return [min(fits, key=lambda f: f.rms)]
 
 

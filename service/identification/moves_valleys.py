@@ -12,9 +12,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from service.backlash.moves import Moves, misfits
+from service.backlash.motor_rows import OWN
+from service.backlash.moves import Moves, misfits, predict, with_motors_asked
 from service.backlash.moves_begun import Values, shared_at
-from service.backlash.moves_fit import Fitted, Point, at_rest, fit, values_at
+from service.backlash.moves_fit import Fitted, Point, at_rest, fit, reconstructed, values_at
 from service.identification.moves_starts import (
     BRIEF,
     Candidate,
@@ -51,14 +52,15 @@ QUICK = 2
 def valleys(scene: Scene, found: Fitted, candidate: Candidate) -> list[Fitted]:
     """The best fits of a few moves, each in a valley of its own, the best first; only one where none is promising."""
     rng = np.random.default_rng(SEED)
-    few = fewer(found)
+    few = asked(found)
     own = widened((own_of_few(found),), candidate.model)[0]
     begun = [
         about(few, candidate, values, own, SETS, (WIDE, WIDE), rng)[:1]
         for values in everywhere(scene, found, candidate)
     ]
     alive = survivors(fitted_best(few, candidate, begun, FITTED), candidate)
-    if not alive or alive[0].rms > PROMISING * on_a_few_moves(found).rms:
+    present = fit(few, found.model, on_a_few_moves(found).at, 0)
+    if not alive or alive[0].rms_with_motors > PROMISING * present.rms_with_motors:
         return alive[:1]
     for _ in range(GENERATIONS):
         children = [
@@ -67,6 +69,33 @@ def valleys(scene: Scene, found: Fitted, candidate: Candidate) -> list[Fitted]:
         ]
         alive = survivors([*alive, *fitted_best(few, candidate, children, POPULATION)], candidate)
     return alive
+
+
+def asked(found: Fitted) -> tuple[Moves, ...]:
+    """The few moves of a fit with their motors asked: where a second gap divides the play of one, the motor meets what
+    lies between them before it meets the load."""
+    own = own_of_few(found)
+    return tuple(
+        with_motors_asked(
+            part,
+            found.model,
+            found.at.shared,
+            predict(part, found.model, found.at.shared[None], own[None]).force()[0],
+            by_noise=True,
+        )
+        for part in fewer(found)
+    )
+
+
+def contradiction(found: Fitted) -> float:
+    """RMS of what is left of the motors' equations of motion with the force of a fit, over the noise; 0 where no torque
+    was recorded."""
+    moves = reconstructed(found, asked=True, by_noise=True)
+    rows = [rows for part in moves for of_move in part.motors for rows in of_move]
+    if not rows:
+        return 0.0
+    left = fit(moves, found.model, found.at, 0).motors
+    return float(np.sqrt(left @ left / sum(np.count_nonzero(one.weight) - OWN for one in rows)))
 
 
 def about(
@@ -85,7 +114,7 @@ def about(
     varied = [values, *(candidate.effect.varied(values, w, rng) for w in wide[1:])]
     shared = np.stack([shared_at(candidate.model, one) for one in varied])
     rests = [candidate.effect.rests(one) for one in varied]
-    ends = np.cumsum([0, *(int(np.sum(used)) for used in few[0].used)])
+    ends = few[0].ends
     tried, squares = [], []
     for k in range(len(rests[0])):
         local = np.stack([at_rest(own, candidate.model, rest[k]) for rest in rests])
@@ -105,7 +134,8 @@ def fitted_best(
     These begin with every move's zeros found anew: where a load rests tells only once the machine is about right, and
     beside a wrong rest the right machine stays as far from the moves as a wrong one."""
     quick = sorted(
-        (fit(few, candidate.model, at, QUICK) for part in begun for _, at in part), key=lambda f: f.rms
+        (fit(few, candidate.model, at, QUICK) for part in begun for _, at in part),
+        key=lambda f: f.rms_with_motors,
     )
     best = ((f.model, begun_at(few, f.model, values_at(f), f.at.local)) for f in quick[:count])
     return [fit(few, model, at, BRIEF) for model, at in best]
@@ -115,7 +145,7 @@ def survivors(fits: Sequence[Fitted], candidate: Candidate) -> list[Fitted]:
     """The best of the fits, of those that ended alike the better one."""
     amounts = [p.name for p in candidate.effect.parameters if not p.dose and p.low == 0.0]
     out: list[Fitted] = []
-    for one in sorted(fits, key=lambda f: f.rms):
+    for one in sorted(fits, key=lambda f: f.rms_with_motors):
         if len(out) < POPULATION and all(apart(one, other, amounts) for other in out):
             out.append(one)
     return out

@@ -9,26 +9,37 @@ import numpy as np
 import pytest
 
 from service.identification import axis_explain
-from service.identification.axis_explain import BEYOND, HIDDEN, LIMITS, OF_HIDDEN, missing_in
+from service.identification.axis_explain import (
+    BEYOND,
+    HIDDEN,
+    LIMITS,
+    OF_HIDDEN,
+    OR_HIDDEN,
+    missing_in,
+)
 from service.identification.selection import Selection, Trial
 
 
 def trial(train: float, held_out: float) -> Trial[Any]:
-    return Trial("model", train, held_out, np.ones(5), np.zeros(0), 100.0)
+    return Trial(SimpleNamespace(fitted="fitted"), train, held_out, np.ones(5), np.zeros(0), 100.0)
 
 
 @pytest.mark.parametrize(
-    ("errors", "accepted", "wanders", "asked"),
+    ("errors", "accepted", "wanders", "asked", "by_motors"),
     [
-        ((1.1, 2.4), (), False, ["all"]),
-        ((1.1, 2.4), ("hung_mass_mode",), False, []),
-        ((1.7, 1.8), ("hung_mass_mode",), False, ["beyond"]),
-        ((1.1, 1.2), ("hung_mass_mode",), True, ["zero"]),
-        ((1.1, 1.2), ("sensor_bias",), True, []),
-        ((1.7, 1.8), (), True, ["zero", "all"]),
-        ((0.97, 1.22), (), False, ["hidden"]),
-        ((0.97, 1.12), (), False, ["all"]),
-        ((1.1, 1.22), (), False, ["all"]),
+        ((1.1, 2.4), (), False, ["all"], 1.2),
+        ((1.1, 2.4), ("hung_mass_mode",), False, [], 1.2),
+        ((1.7, 1.8), ("hung_mass_mode",), False, ["beyond"], 1.2),
+        ((1.1, 1.2), ("hung_mass_mode",), True, ["zero"], 1.2),
+        ((1.1, 1.2), ("sensor_bias",), True, [], 1.2),
+        ((1.7, 1.8), (), True, ["zero", "all"], 1.2),
+        ((0.97, 1.22), (), False, ["hidden"], 1.2),
+        ((0.97, 1.12), (), False, ["all"], 1.2),
+        ((1.1, 1.22), (), False, ["all"], 1.2),
+        ((0.97, 1.12), (), False, ["hidden"], 3.0),
+        ((1.1, 1.12), (), False, ["all or hidden"], 3.0),
+        ((1.6, 1.7), (), False, ["all"], 3.0),
+        ((1.1, 1.2), ("hung_mass_mode",), False, [], 3.0),
     ],
 )
 def test_beyond_what_is_accepted_only_more_than_a_law_leaves_is_searched(
@@ -37,16 +48,19 @@ def test_beyond_what_is_accepted_only_more_than_a_law_leaves_is_searched(
     accepted: tuple[str, ...],
     wanders: bool,
     asked: list[str],
+    by_motors: float,
 ) -> None:
     said: list[str] = []
 
     def searched(_scene: Any, before: Trial[Any], _tell: Any, limits: Any, first: Any = ()) -> Selection[Any]:
         names = {id(LIMITS): "zero" if first else "all", id(BEYOND): "beyond", id(OF_HIDDEN): "hidden"}
+        names[id(OR_HIDDEN)] = "all or hidden"
         assert (first == HIDDEN) == (limits is OF_HIDDEN)
         said.append(names[id(limits)])
         return Selection(before, before, (), (), ())
 
     monkeypatch.setattr(axis_explain, "searched", searched)
+    monkeypatch.setattr(axis_explain, "contradiction", lambda _fitted: by_motors)
     scene: Any = SimpleNamespace(zero_wanders=wanders)
     found = missing_in(scene, trial(*errors), accepted, lambda _text: None)
     assert said == asked

@@ -9,7 +9,10 @@ import pytest
 
 from service.backlash.moves import early_part, predict, residuals, some_of
 from service.backlash.moves_fit import Fitted, every, fit, jacobian, reconstructed
-from service.recording import Recording
+from service.identification.axis_explain import CONTRADICTED
+from service.identification.moves_valleys import asked as of_few
+from service.identification.moves_valleys import contradiction
+from service.recording import Recording, Trace
 
 
 @pytest.fixture(scope="module")
@@ -55,12 +58,33 @@ def test_the_torque_alone_tells_viscous_friction_to_a_tenth(asked: Fitted) -> No
     assert known[0] - known[1] > 1.0 / 0.1**2
 
 
-def test_a_recording_without_torque_is_fitted_by_its_samples_alone(
-    captures: tuple[Recording, Recording], found: Fitted
-) -> None:
+def test_the_motors_are_heard_over_their_noise_where_valleys_are_told_apart(found: Fitted) -> None:
+    (few,) = of_few(found)
+    assert len(few.grids) < len(found.moves[0].grids)
+    own = [np.concatenate([rows.of(np.zeros((1, few.samples + 1)))[0] for rows in of]) for of in few.motors]
+    assert np.sqrt(np.mean(np.concatenate(own) ** 2)) > 5.0, "the load is felt far over the noise"
+
+
+def test_a_force_that_the_model_does_not_know_contradicts_it(found: Fitted) -> None:
+    """Something between motor and load holds the motor back for a few milliseconds in the middle of every move."""
+    recording = found.moves[0].recording
+    torque = recording.traces["X1", "motor_torque"]
+    pulse = np.zeros(len(torque))
+    for move in recording.moves:
+        into = (torque.time - move.start) / move.duration
+        pulse += 0.2 * move.direction * np.exp(-(((into - 0.4) / 0.03) ** 2))
+    disturbed = {**recording.traces, ("X1", "motor_torque"): Trace(torque.time, torque.value + pulse)}
+    moves = (replace(found.moves[0], recording=replace(recording, traces=disturbed)),)
+    assert contradiction(found) < CONTRADICTED
+    assert contradiction(replace(found, moves=moves)) > CONTRADICTED
+
+
+def test_without_torque_the_samples_alone_are_fitted_and_nothing_contradicts(found: Fitted) -> None:
     def without(recording: Recording) -> Recording:
         traces = {key: trace for key, trace in recording.traces.items() if key[1] != "motor_torque"}
         return replace(recording, traces=traces)
 
-    moves = [replace(part, recording=without(part.recording)) for part in found.moves]
-    assert not any(part.motors for part in reconstructed(replace(found, moves=tuple(moves)), asked=True))
+    moves = tuple(replace(part, recording=without(part.recording)) for part in found.moves)
+    silent = replace(found, moves=moves)
+    assert not any(part.motors for part in reconstructed(silent, asked=True))
+    assert contradiction(silent) == 0.0

@@ -261,11 +261,22 @@ def test_what_explains_nothing_of_a_few_moves_is_not_fitted_to_all(
 
 
 def test_of_an_effect_with_many_valleys_a_fit_in_each_is_judged(monkeypatch: Any) -> None:
-    """How near a few moves come, with the motor's motion that the present fit makes, says little of them."""
-    ended = {1.5: 1.2, 1.6: 1.0, 1.7: 1.1}
+    """How near a few moves come, with the motor's motion that the present fit makes, says little of them; one that the
+    motors speak against is none, however near it is."""
+    ended, by_motors = {1.5: 1.2, 1.6: 1.0, 1.7: 1.1, 1.8: 0.9}, {1.2: 2.1, 1.0: 2.0, 1.1: 2.0, 0.9: 4.0}
+
+    def asked(found: Any, asked: bool, by_noise: bool) -> float:
+        assert asked and by_noise
+        return float(found.rms)
+
+    def fit(rms: float, *_: Any) -> Any:
+        found = stub(ended[rms])
+        found.rms_with_motors = by_motors[found.rms]
+        return found
+
     monkeypatch.setattr(moves_search, "carried", lambda _moves, brief, _rounds: brief)
-    monkeypatch.setattr(moves_search, "reconstructed", lambda f: f.rms)
-    monkeypatch.setattr(moves_search, "fit", lambda rms, *_: stub(ended[rms]))
+    monkeypatch.setattr(moves_search, "reconstructed", asked)
+    monkeypatch.setattr(moves_search, "fit", fit)
     near = [stub(rms) for rms in (*ended, 3.0)]
     assert [f.rms for f in moves_search.refitted(stub(6.0), near, 2.0)] == [1.5]
     for one in near:

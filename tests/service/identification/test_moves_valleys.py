@@ -24,13 +24,13 @@ VALUES = {
 
 def one(rms: float, clearance: float) -> Any:
     values = {"X1.clearance": clearance}
-    return cast(Any, SimpleNamespace(rms=rms, value=lambda name: values[name]))
+    return cast(Any, SimpleNamespace(rms_with_motors=rms, value=lambda name: values[name]))
 
 
 def test_of_fits_that_ended_alike_the_best_lives_on() -> None:
     fits = [one(1.2, 20e-6), one(1.0, 20.5e-6), one(1.4, 30e-6), one(1.1, 30.1e-6), one(1.3, 40e-6)]
     alive = survivors(fits, cast(Any, SimpleNamespace(effect=CLEARANCE)))
-    assert [f.rms for f in alive] == [1.0, 1.1, 1.3]
+    assert [f.rms_with_motors for f in alive] == [1.0, 1.1, 1.3]
     many = [one(1.0 + k / 10, 1e-6 * (1 + 2 * APART) ** k) for k in range(2 * POPULATION)]
     assert len(survivors(many, cast(Any, SimpleNamespace(effect=CLEARANCE)))) == POPULATION
     gone = [one(1.0, 0.0), one(1.1, 1e-5)]
@@ -45,7 +45,9 @@ def test_the_best_after_a_few_rounds_have_their_zeros_found_anew(monkeypatch: py
     def fit(_moves: Any, _model: Any, at: Any, rounds: int) -> Any:
         after, rest = at
         left = after if rounds == QUICK else after - (0.5 if rest == "anew" else 0.1)
-        return SimpleNamespace(rms=left, model="model", at=SimpleNamespace(local=rest, after=left))
+        return SimpleNamespace(
+            rms_with_motors=left, model="model", at=SimpleNamespace(local=rest, after=left)
+        )
 
     def begun_at(_moves: Any, _model: Any, values: Any, local: Any) -> Any:
         assert local == "given", "what was found so far is one of the places"
@@ -56,7 +58,7 @@ def test_the_best_after_a_few_rounds_have_their_zeros_found_anew(monkeypatch: py
     monkeypatch.setattr(moves_valleys, "values_at", lambda found: found.at.after)
     begun: Any = [[(9.0, (3.0, "given"))], [(1.0, (4.0, "given")), (2.0, (2.0, "given"))]]
     found = fitted_best((), cast(Any, SimpleNamespace(model="model")), begun, 2)
-    assert [f.rms for f in found] == [1.5, 2.5], "the third is given up"
+    assert [f.rms_with_motors for f in found] == [1.5, 2.5], "the third is given up"
 
 
 def test_two_gaps_divide_anew_and_keep_their_sum() -> None:
