@@ -38,6 +38,8 @@ OWN = 6
 """What is fitted to every move: force and torque, how late each is, and two parts of friction."""
 LATE = 1e-4
 """Unit of how late they are [s]."""
+EXACT = 1e-3
+"""Share of the motor's acceleration to which its equation holds at best: of a recording without noise, too (chosen)."""
 BETWEEN = 0.75
 """Noise of the mean of a cubic spline between two samples, over that of one: sqrt(Σ w²) for (−1, 13, 13, −1)/24."""
 
@@ -98,7 +100,8 @@ def motor_rows(
     lag: float = 0.0,
     noise: tuple[float, float] | None = None,
 ) -> list[MotorRows]:
-    """The rows of one motor in every move, over how well its equation holds of the forces, or over the `noise` alone.
+    """The rows of one motor in every move, over how well its equation holds of the forces, or over the `noise` alone;
+    none where so many samples of its speed were lost that they tell nothing.
 
     Parameters
     ----------
@@ -109,11 +112,13 @@ def motor_rows(
     lag : of the speed that the drive reports [s]
     noise : standard deviation of a sample of the speed [rad/s] and of the torque [N m]
     """
+    within = [(speed.time >= load[0][0]) & (speed.time <= load[0][-1]) for load in loads]
+    if min(np.count_nonzero(inside) for inside in within) <= 2 * OWN:
+        return []
     courses = torque_courses([window(torque, load) for load in loads], motions, lag)
     known: dict[tuple[int, int], Heard] = {}
     balances, left = [], []
-    for load, course in zip(loads, courses, strict=True):
-        inside = (speed.time >= load[0][0]) & (speed.time <= load[0][-1])
+    for load, course, inside in zip(loads, courses, within, strict=True):
         time, v = speed.time[inside], speed.value[inside] * transmission
         where = (round((float(time[0]) - float(load[0][0])) * 1e7), len(time))
         if where not in known:
@@ -130,7 +135,7 @@ def motor_rows(
         of_all = spread_of(errors, [one.moving for one in balances])
         spread = [of_all[: len(one.moving)] for one in balances]
     return [
-        one.rows(np.where(one.moving, share / about, 0.0))
+        one.rows(np.where(one.moving, share / np.maximum(about, one.least), 0.0))
         for one, share, about in zip(balances, left, spread, strict=True)
     ]
 
@@ -159,6 +164,11 @@ class Balanced:
     def acceleration(self) -> FloatArray:
         """(n,) between the samples [m/s²]."""
         return np.asarray(np.diff(self.speed) / np.diff(self.time))
+
+    @property
+    def least(self) -> float:
+        """Standard deviation that the balance has at least [m/s²]."""
+        return max(EXACT * float(np.sqrt(np.mean(self.acceleration**2))), 1e-12)
 
     @property
     def own(self) -> FloatArray:
@@ -195,7 +205,7 @@ def spread_of(errors: Sequence[FloatArray], moving: Sequence[NDArray[np.bool_]])
     free = 1.0 - OWN / max(float(np.mean([np.sum(there) for there in moving])), OWN + 1.0)
     mean = np.convolve(squares, about, "same") / np.maximum(np.convolve(counts, about, "same"), 1.0) / free
     lasting = np.clip(along / whole, 0.0, 0.95)
-    return np.asarray(np.sqrt(np.maximum(mean * (1.0 + lasting) / (1.0 - lasting), 1e-300)))
+    return np.asarray(np.sqrt(mean * (1.0 + lasting) / (1.0 - lasting)))
 
 
 def heard(grid: FloatArray, time: FloatArray, lag: float) -> Heard:

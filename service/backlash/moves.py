@@ -408,7 +408,8 @@ def with_motors_asked(
     moves: Moves, model: Model, shared: FloatArray, force: FloatArray, by_noise: bool = False
 ) -> Moves:
     """The moves with the equations of motion of their motors as further residuals, weighed by how well they hold of the
-    force (T, X, K + 1) of a fit, or by the noise alone; where no torque was recorded, as they are."""
+    force (T, X, K + 1) of a fit, or by the noise alone; where no torque was recorded, or hardly a speed, as they
+    are."""
     recording, motors = moves.recording, []
     lags = model.lags(model.numbers(shared))
     values = model.complete(model.values(shared[None]))
@@ -421,7 +422,10 @@ def with_motors_asked(
         motions = [motion[x] for motion in moves.motion]
         speed, ratio = recording.traces[axis, "motor_speed"], recording.axis(axis).transmission
         noise = (sample_noise(speed, recording), sample_noise(torque, recording)) if by_noise else None
-        motors.append(motor_rows(speed, torque, moves.noise_left[x], ratio, loads, motions, lags[x], noise))
+        rows = motor_rows(speed, torque, moves.noise_left[x], ratio, loads, motions, lags[x], noise)
+        if not rows:
+            return moves
+        motors.append(rows)
     return replace(moves, motors=tuple(zip(*motors, strict=True)))
 
 

@@ -10,13 +10,13 @@ import numpy as np
 from service.dynamics.driven_model import DrivenEffect
 from service.dynamics.effects.driven_library import DRIVEN
 from service.dynamics.effects.driven_sensors import DrivenBias
+from service.identification.axis_evidence import CONTRADICTED, left_by_motors
 from service.identification.axis_verdict import LEFT_BY_ONE, SMALL, verdict
 from service.identification.explanation import Accepted, AxisExplanation
 from service.identification.given_effects import as_accepted, names_of, with_effects_of
 from service.identification.held_out import DESCRIBED, SEARCHED, Explained, trial_of
 from service.identification.moves_end import ended, settled_present
 from service.identification.moves_search import challenged, propose, without
-from service.identification.moves_valleys import contradiction
 from service.identification.scene import Scene, declared_fit, scene_of
 from service.identification.selection import Limits, Selection, Trial, distance, left, select, shown
 from service.recording import Recording
@@ -35,9 +35,6 @@ HIDDEN = tuple(kind for kind in DRIVEN.values() if kind.many_valleys)
 """What the declared model may hide in the moves that are fitted: it makes one gap of two in series, as wide as both.
 Asked for where the others are not described as well, although numbers that are not known could do that, too, and where
 the motors contradict it."""
-CONTRADICTED = 2.5
-"""What the motors' equations of motion may leave, over the noise, with the force that the declared model makes: where
-it is more, something is hidden between motor and load (chosen)."""
 OF_HIDDEN = replace(LIMITS, material=0.05)
 """Where so little is left there is less to remove (chosen)."""
 OR_HIDDEN = replace(LIMITS, shares={kind.name: OF_HIDDEN.material for kind in HIDDEN})
@@ -101,7 +98,7 @@ def missing_in(
         return searched(scene, before, tell, BEYOND) if beyond else nothing_beyond(before)
     if shown(before) > DESCRIBED:
         return searched(scene, before, tell, LIMITS)
-    by_motors = contradiction(before.model.fitted)
+    by_motors = float(np.max(left_by_motors(before.model.fitted)))
     contradicted = by_motors > CONTRADICTED
     if contradicted:
         tell(f"the motors' equations of motion leave {by_motors:.1f} of the noise")

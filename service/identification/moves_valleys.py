@@ -12,10 +12,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from service.backlash.motor_rows import OWN
 from service.backlash.moves import Moves, misfits, predict, with_motors_asked
 from service.backlash.moves_begun import Values, shared_at
-from service.backlash.moves_fit import Fitted, Point, at_rest, fit, reconstructed, values_at
+from service.backlash.moves_fit import Fitted, Point, at_rest, fit, values_at
 from service.identification.moves_starts import (
     BRIEF,
     Candidate,
@@ -85,17 +84,6 @@ def asked(found: Fitted) -> tuple[Moves, ...]:
         )
         for part in fewer(found)
     )
-
-
-def contradiction(found: Fitted) -> float:
-    """RMS of what is left of the motors' equations of motion with the force of a fit, over the noise; 0 where no torque
-    was recorded."""
-    moves = reconstructed(found, asked=True, by_noise=True)
-    rows = [rows for part in moves for of_move in part.motors for rows in of_move]
-    if not rows:
-        return 0.0
-    left = fit(moves, found.model, found.at, 0).motors
-    return float(np.sqrt(left @ left / sum(np.count_nonzero(one.weight) - OWN for one in rows)))
 
 
 def about(

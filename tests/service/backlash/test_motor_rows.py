@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from service.backlash.motor_rows import MotorRows, motor_rows, spread_of
+from service.backlash.motor_rows import EXACT, OWN, MotorRows, motor_rows, spread_of
 from service.recording import FloatArray, Trace
 
 DURATION, REST, RATIO = 0.08, 0.2, 0.003
@@ -43,22 +43,27 @@ def force_at(time: FloatArray) -> FloatArray:
     return np.asarray(touching(time) * (acceleration_at(time) + rubbing))
 
 
-def rows_of_a_motor(noise: float, seed: int = 4) -> tuple[list[MotorRows], list[FloatArray]]:
-    """The rows of all moves, told the true force, and the times of their grids; `noise` of the speed in rad/s."""
-    rng = np.random.default_rng(seed)
+def rows_of_a_motor(
+    noise: float, told: tuple[float, float] | None = None, lost: tuple[float, float] = (0.0, 0.0)
+) -> tuple[list[MotorRows], list[FloatArray]]:
+    """The rows of all moves, told the true force, and the times of their grids; `noise` of the speed in rad/s, of which
+    and of the torque's the rows may be `told`; samples of the speed `lost` between two times."""
+    rng = np.random.default_rng(4)
     time = np.arange(0.0, STARTS[-1] + DURATION + REST, 1e-3)
     v = speed_at(time)
     torque = (acceleration_at(time) + FORCE * force_at(time) + VISCOUS * v + COULOMB * (v > 0.0)) / TORQUE
     speed = v / RATIO + noise * rng.standard_normal(len(time))
     grids = [np.arange(start - 0.002, start + DURATION + 0.03, 2.5e-4) for start in STARTS]
     motion = CubicSpline(time, v).antiderivative()
+    there = (time < lost[0]) | (time >= lost[1])
     rows = motor_rows(
-        Trace(time, speed),
+        Trace(time[there], speed[there]),
         Trace(time, torque),
-        np.ones(len(time)),
+        np.ones(np.count_nonzero(there)),
         RATIO,
         [(grid, force_at(grid)) for grid in grids],
         [motion] * len(grids),
+        noise=told,
     )
     return rows, grids
 
@@ -132,3 +137,27 @@ def test_what_goes_on_from_sample_to_sample_counts_as_the_fewer_samples_that_it_
     np.testing.assert_allclose(np.median(spread_of(white, moving)), 0.02, rtol=0.02)
     as_mean = np.sqrt((1.0 + keep) / (1.0 - keep))
     np.testing.assert_allclose(np.median(spread_of(lasting, moving)), 0.02 * as_mean, rtol=0.05)
+
+
+def test_over_the_noise_the_true_force_leaves_one_and_a_wrong_one_more() -> None:
+    """The rows of a move have lost six of its numbers; white noise of the speed is all that is left of the others."""
+    rows, grids = rows_of_a_motor(0.01, told=(0.01, 0.0))
+    moving = sum(np.count_nonzero(one.weight) for one in rows) - OWN * len(rows)
+    share = sum(len(one.weight) for one in rows) / moving
+    left = rms_of(rows, [force_at(grid) for grid in grids]) * np.sqrt(share)
+    assert left == pytest.approx(1.0, abs=0.1)
+    less = [force_at(grid) - 0.4 * touching(grid) * np.tanh(speed_at(grid) / 0.002) for grid in grids]
+    assert rms_of(rows, less) * np.sqrt(share) > 1.2
+
+
+@pytest.mark.parametrize("told", [None, (0.0, 0.0)])
+def test_a_recording_without_noise_is_trusted_to_a_thousandth(told: tuple[float, float] | None) -> None:
+    rows, grids = rows_of_a_motor(0.0, told)
+    left = [one.of(force_at(grid)[None])[0] for one, grid in zip(rows, grids, strict=True)]
+    assert all(np.all(np.isfinite(part)) for part in left)
+    greatest = max(float(np.max(one.weight)) for one in rows)
+    assert greatest <= 1.0 / (EXACT * np.sqrt(np.mean(acceleration_at(grids[0]) ** 2)) * 0.9)
+
+
+def test_a_motor_that_was_hardly_seen_in_a_move_is_not_asked() -> None:
+    assert rows_of_a_motor(0.003, lost=(STARTS[2] - 0.01, STARTS[2] + 0.2))[0] == []

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from service.dynamics.effects.driven_library import DRIVEN
-from service.identification.axis_evidence import in_time, zeros_found_again
+from service.identification.axis_evidence import in_time, of_motor, zeros_found_again
 
 ALTERNATING = np.tile([1.0, -1.0], 5)
 
@@ -56,3 +56,9 @@ def test_which_zeros_are_found_again_is_said(names: tuple[str, ...], said: str |
     assert lines == (
         () if said is None else (f"found again in the first 45 % of the held-out moves: {said}",)
     )
+
+
+def test_what_the_motor_says_is_told_where_a_torque_was_recorded() -> None:
+    assert of_motor(0.0, "declared") == ()
+    (line,) = of_motor(10.06, "declared")
+    assert "the declared model leaves at 10.1 of their noise" in line

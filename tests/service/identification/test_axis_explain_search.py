@@ -60,7 +60,7 @@ def test_beyond_what_is_accepted_only_more_than_a_law_leaves_is_searched(
         return Selection(before, before, (), (), ())
 
     monkeypatch.setattr(axis_explain, "searched", searched)
-    monkeypatch.setattr(axis_explain, "contradiction", lambda _fitted: by_motors)
+    monkeypatch.setattr(axis_explain, "left_by_motors", lambda _fitted: np.array([0.9, by_motors]))
     scene: Any = SimpleNamespace(zero_wanders=wanders)
     found = missing_in(scene, trial(*errors), accepted, lambda _text: None)
     assert said == asked

@@ -9,9 +9,8 @@ import pytest
 
 from service.backlash.moves import early_part, predict, residuals, some_of
 from service.backlash.moves_fit import Fitted, every, fit, jacobian, reconstructed
-from service.identification.axis_explain import CONTRADICTED
+from service.identification.axis_evidence import CONTRADICTED, left_by_motors
 from service.identification.moves_valleys import asked as of_few
-from service.identification.moves_valleys import contradiction
 from service.recording import Recording, Trace
 
 
@@ -75,8 +74,8 @@ def test_a_force_that_the_model_does_not_know_contradicts_it(found: Fitted) -> N
         pulse += 0.2 * move.direction * np.exp(-(((into - 0.4) / 0.03) ** 2))
     disturbed = {**recording.traces, ("X1", "motor_torque"): Trace(torque.time, torque.value + pulse)}
     moves = (replace(found.moves[0], recording=replace(recording, traces=disturbed)),)
-    assert contradiction(found) < CONTRADICTED
-    assert contradiction(replace(found, moves=moves)) > CONTRADICTED
+    assert 0.5 < left_by_motors(found)[0] < CONTRADICTED
+    assert left_by_motors(replace(found, moves=moves))[0] > CONTRADICTED
 
 
 def test_without_torque_the_samples_alone_are_fitted_and_nothing_contradicts(found: Fitted) -> None:
@@ -87,4 +86,4 @@ def test_without_torque_the_samples_alone_are_fitted_and_nothing_contradicts(fou
     moves = tuple(replace(part, recording=without(part.recording)) for part in found.moves)
     silent = replace(found, moves=moves)
     assert not any(part.motors for part in reconstructed(silent, asked=True))
-    assert contradiction(silent) == 0.0
+    assert left_by_motors(silent)[0] == 0.0
