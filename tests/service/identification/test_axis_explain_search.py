@@ -15,6 +15,7 @@ from service.identification.axis_explain import (
     LIMITS,
     OF_HIDDEN,
     OR_HIDDEN,
+    heeded,
     missing_in,
 )
 from service.identification.selection import Selection, Trial
@@ -69,3 +70,21 @@ def test_beyond_what_is_accepted_only_more_than_a_law_leaves_is_searched(
 
 def test_a_second_gap_is_what_a_fit_may_hide() -> None:
     assert [kind.name for kind in HIDDEN] == ["gearbox_clearance"]
+
+
+@pytest.mark.parametrize(
+    ("effects", "held_out", "by_motors", "stays"),
+    [
+        (("gearbox_clearance",), 0.95, 1.5, True),
+        (("gearbox_clearance",), 0.95, 8.0, False),
+        (("gearbox_clearance",), 0.80, 8.0, True),
+        (("stribeck_friction",), 0.95, 8.0, True),
+        ((), 1.0, 10.0, True),
+    ],
+)
+def test_what_is_named_for_the_motors_contradiction_must_be_what_they_speak_of(
+    monkeypatch: pytest.MonkeyPatch, effects: tuple[str, ...], held_out: float, by_motors: float, stays: bool
+) -> None:
+    monkeypatch.setattr(axis_explain, "left_by_motors", lambda _fitted: np.array([by_motors]))
+    found: Selection[Any] = Selection(trial(1.0, 1.0), trial(1.0, held_out), effects, (), ())
+    assert heeded(found, 10.0) is stays
