@@ -33,8 +33,8 @@ BEYOND = replace(LIMITS, material=FURTHER[0], enough=FURTHER[1])
 """Beyond accepted effects the next one is a further one."""
 HIDDEN = tuple(kind for kind in DRIVEN.values() if kind.many_valleys)
 """What the declared model may hide in the moves that are fitted: it makes one gap of two in series, as wide as both.
-Asked for where the others are not described as well, although numbers that are not known could do that, too, and where
-the motors contradict it."""
+Asked for where the motors contradict it, or no torque was recorded and the others are not described as well, although
+numbers that are not known could do that, too."""
 OF_HIDDEN = replace(LIMITS, material=0.05)
 """Where so little is left there is less to remove (chosen)."""
 HEEDED = 0.5
@@ -87,7 +87,7 @@ def missing_in(
     scene: Scene, before: Trial[Explained], accepted: Sequence[str], tell: Callable[[str], None]
 ) -> Selection[Explained]:
     """What is missing in the model that is declared, or that was accepted. A zero that is seen to wander at rest is
-    asked for first; where numbers may do it that are not known, or only the motors' equations of motion do not hold,
+    asked for first; where only the motors' equations of motion do not hold, or numbers may do it that are not known,
     nothing but what may be hidden. What accepted effects leave is the next one's only where it is more than a law
     leaves that differs a little from the machine's, as after a first effect."""
     if scene.zero_wanders and DrivenBias.name not in accepted:
@@ -104,19 +104,20 @@ def missing_in(
     contradicted = by_motors > CONTRADICTED
     if contradicted:
         tell(f"the motors' equations of motion leave {by_motors:.1f} of the noise")
-    if shown(before) <= SEARCHED and (contradicted or before.validation_rms > DESCRIBED):
+    hidden = contradicted if by_motors else before.validation_rms > DESCRIBED
+    if shown(before) <= SEARCHED and hidden:
         found = searched(scene, before, tell, OF_HIDDEN, first=HIDDEN)
     else:
         found = searched(scene, before, tell, OR_HIDDEN if contradicted else LIMITS)
-    return found if not contradicted or heeded(found, by_motors) else replace(found, after=before, effects=(), rivals=())
+    return found if heeded(found, by_motors) else replace(found, after=before, effects=(), rivals=())
 
 
 def heeded(found: Selection[Explained], by_motors: float) -> bool:
-    """Whether what was named for a small gain, since the motors contradict what was there before by so much, is what
-    they speak of: it takes half of that away."""
+    """Whether what may be hidden, and was named for a small gain, is what the motors speak of, who leave so much of the
+    model before: it takes half of that away. Where no torque was recorded they say nothing."""
     small = found.after.held_rms > (1.0 - MATERIAL) * found.before.held_rms
-    hidden = found.effects and found.effects[0] in OR_HIDDEN.shares
-    if not (small and hidden):
+    hidden = bool(found.effects) and found.effects[0] in OR_HIDDEN.shares
+    if not (by_motors and small and hidden):
         return True
     return float(np.max(left_by_motors(found.after.model.fitted))) < HEEDED * by_motors
 

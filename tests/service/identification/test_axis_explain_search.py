@@ -34,7 +34,8 @@ def trial(train: float, held_out: float) -> Trial[Any]:
         ((1.1, 1.2), ("hung_mass_mode",), True, ["zero"], 1.2),
         ((1.1, 1.2), ("sensor_bias",), True, [], 1.2),
         ((1.7, 1.8), (), True, ["zero", "all"], 1.2),
-        ((0.97, 1.22), (), False, ["hidden"], 1.2),
+        ((0.97, 1.22), (), False, ["hidden"], 0.0),
+        ((0.97, 1.22), (), False, ["all"], 1.2),
         ((0.97, 1.12), (), False, ["all"], 1.2),
         ((1.1, 1.22), (), False, ["all"], 1.2),
         ((0.97, 1.12), (), False, ["hidden"], 3.0),
@@ -61,7 +62,7 @@ def test_beyond_what_is_accepted_only_more_than_a_law_leaves_is_searched(
         return Selection(before, before, (), (), ())
 
     monkeypatch.setattr(axis_explain, "searched", searched)
-    monkeypatch.setattr(axis_explain, "left_by_motors", lambda _fitted: np.array([0.9, by_motors]))
+    monkeypatch.setattr(axis_explain, "left_by_motors", lambda _fitted: np.array([0.5, 1.0]) * by_motors)
     scene: Any = SimpleNamespace(zero_wanders=wanders)
     found = missing_in(scene, trial(*errors), accepted, lambda _text: None)
     assert said == asked
@@ -80,6 +81,7 @@ def test_a_second_gap_is_what_a_fit_may_hide() -> None:
         (("gearbox_clearance",), 0.80, 8.0, True),
         (("stribeck_friction",), 0.95, 8.0, True),
         ((), 1.0, 10.0, True),
+        (("gearbox_clearance",), 0.95, 0.0, True),
     ],
 )
 def test_what_is_named_for_the_motors_contradiction_must_be_what_they_speak_of(
@@ -87,4 +89,4 @@ def test_what_is_named_for_the_motors_contradiction_must_be_what_they_speak_of(
 ) -> None:
     monkeypatch.setattr(axis_explain, "left_by_motors", lambda _fitted: np.array([by_motors]))
     found: Selection[Any] = Selection(trial(1.0, 1.0), trial(1.0, held_out), effects, (), ())
-    assert heeded(found, 10.0) is stays
+    assert heeded(found, 10.0 if by_motors else 0.0) is stays
