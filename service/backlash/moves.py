@@ -8,7 +8,7 @@ in every move is where the pinion rests in its gap, and what an effect says has 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -113,6 +113,8 @@ class Moves:
     expected : (T, X, K) standard deviation over the noise that a right model's residual is expected to have
     judged : the same by which models are compared, where they are fitted by another; none where by this one
     swings : what still swings at the beginning of each move, if the move before left it; none: not known
+    heard : the same as the sensor heard it in the rest before, where nothing else is known: (T,) each, by the name of
+        an effect's coordinate of a move, in its unit
     wander, white : how what is expected divides, and whether residuals are whitened by it
     lasting : how long residuals of acceleration are summed up to those of speed [s]; 0: they are compared themselves
     apart : how far a gantry's motors may be apart beyond their positions, over the prior's width
@@ -132,6 +134,7 @@ class Moves:
     echoes: tuple[tuple[Echo, ...], ...] = ()
     reference: FloatArray | None = None
     swings: Swings | None = None
+    heard: Mapping[str, FloatArray] = field(default_factory=dict)
     wander: Wander | None = None
     white: bool = False
     lasting: float = 0.0
@@ -295,6 +298,7 @@ def some_of(moves: Moves, count: int) -> Moves:
         echoes=moves.echoes[kept],
         reference=None if moves.reference is None else moves.reference[kept],
         swings=None if moves.swings is None else moves.swings.of(kept),
+        heard={name: value[kept] for name, value in moves.heard.items()},
         wander=None,
         white=False,
         motors=moves.motors[kept],
@@ -342,8 +346,9 @@ def simulated(moves: Moves, model: Model, shared: FloatArray, local: FloatArray,
 
 
 def left_over(moves: Moves, model: Model, values: Values) -> dict[str, FloatArray]:
-    """What the moves before leave swinging at the beginning of each move: (S, T) by name, in their units."""
-    out: dict[str, FloatArray] = {}
+    """What the moves before leave swinging at the beginning of each move, or is heard then: (S, T) by name, in their
+    units."""
+    out = {name: value[None] for name, value in moves.heard.items()}
     if (swings := moves.swings) is not None:
         for effect in model.effects:
             if effect.states:

@@ -12,10 +12,10 @@ from service.backlash.expected_errors import expected_errors
 from service.backlash.moves import Moves
 from service.backlash.moves_fit import (
     CLOSE_PLACES,
-    FAR,
     Fitted,
     Point,
     fit,
+    limits,
     reconstructed,
     resting,
     rests_found,
@@ -34,7 +34,7 @@ def point_at(model: Model, values: Values, moves: Sequence[Moves]) -> Point:
 def shared_at(model: Model, values: Values) -> FloatArray:
     """Coordinates (P,) of these values, others at their typical value."""
     shared = [float(p.internal(values[p.name])) if p.name in values else 0.0 for p in model.parameters]
-    return np.asarray(np.clip(np.nan_to_num(shared), -FAR, FAR), dtype=np.float64)
+    return np.asarray(np.clip(np.nan_to_num(shared), *limits(model).T), dtype=np.float64)
 
 
 def resettled(moves: Sequence[Moves], model: Model, at: Point) -> Fitted:

@@ -26,8 +26,9 @@ from service.backlash.moves import (
 from service.dynamics.driven_model import Model
 from service.recording import FloatArray
 
-FAR = 5.0
-"""How far a shared coordinate may go from its prior's centre."""
+FAR, FAR_OF_AMOUNT = 5.0, 50.0
+"""How far a shared coordinate may go from its prior's centre: no chain is farther from the usual ones, but how much
+there is of an effect has no such limit (chosen: 25 m/s² of friction or weight)."""
 OVERFLOWN = 1e8
 LADDER = np.array([0.01, 0.1, 0.5, 2.0, 10.0, 1e3])
 """Dampings tried at once around the last good one."""
@@ -165,7 +166,8 @@ def priors(at: Point, free: Free) -> FloatArray:
 
 def limits(model: Model) -> FloatArray:
     """Least and greatest coordinate of every shared parameter, (P, 2): where its value ends, at most FAR."""
-    return np.clip(model.scales.ends, -FAR, FAR)
+    far = np.array([FAR_OF_AMOUNT if p.dose else FAR for p in model.parameters])[:, None]
+    return np.clip(model.scales.ends, -far, far)
 
 
 def within(model: Model, at: Point) -> Point:

@@ -73,8 +73,8 @@ class DrivenEffect:
         is found by it: it undoes a low pass, or ties two motors together
     nearly : effects whose law is the same but for what little of a recording tells, such as quick motion
     inside : numbers of which no such effect has one at a limit, however well it describes the moves there
-    free_swing : of an effect that swings on while the axis rests the parameter that is its frequency, and how strong it
-        is where it is heard then: values of `own` or `shared` by name
+    free_swing : of an effect that swings on while the axis rests the parameter that is its frequency, how strong it is
+        where it is heard then (values of `own` or `shared` by name), and its frequency over the one that is heard
     """
 
     axes: tuple[str, ...]
@@ -92,7 +92,7 @@ class DrivenEffect:
     contains: ClassVar[tuple[str, ...]] = ()
     nearly: ClassVar[tuple[str, ...]] = ()
     inside: ClassVar[tuple[str, ...]] = ()
-    free_swing: ClassVar[tuple[str, Mapping[str, float]] | None] = None
+    free_swing: ClassVar[tuple[str, Mapping[str, float], float] | None] = None
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:

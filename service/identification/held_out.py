@@ -6,11 +6,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
+from service.backlash.expected_errors import expected_errors
 from service.backlash.moves import Moves, early_part, predict
-from service.backlash.moves_begun import with_expected_errors
 from service.backlash.moves_fit import (
     CLOSE_PLACES,
     Fitted,
@@ -58,20 +59,26 @@ SEEN_AT_REST = ("sensor_bias",)
 """What a zero that wanders while the axis rests is: there is such an effect, however little of it is a drift."""
 IN_THE_GAP = 0.3
 """Share of the gap behind the driving flank at which a load is begun that lies on neither (chosen)."""
-TURNS, AGREED = 8, 0.05
+TURNS, AGREED = 6, 0.05
 """How often the motor's motion in the held-out moves and the force that a model makes in it take turns, and the change
 of a prediction, over the expected errors, from which on they agree (chosen: what changes less changes no error)."""
+WORSE = 1.02
+"""How much farther from the first parts of the held-out moves they may be that begin as the moves before left them
+(chosen)."""
 PARTS = 5
 """Blocks into which a held-out move is cut for the test of a gain."""
 
 
 @dataclass(frozen=True)
 class Held:
-    """What a model predicts for the held-out moves (T, X, K), and what it doubts of that, over the expected errors."""
+    """What a model predicts for the held-out moves (T, X, K), and what it doubts of that, over the expected errors; the
+    moves with the motors' motion and with what swings as they were simulated for it, and at which point."""
 
     moves: Moves
     predicted: FloatArray
     doubted: FloatArray
+    simulated: Moves
+    at: Point
 
     @property
     def errors(self) -> FloatArray:
@@ -102,8 +109,8 @@ class Explained:
     def announced(self) -> FloatArray:
         """RMS over the sensor's noise that is expected of the held-out errors of each axis (X,) if this model is right:
         the noise of the motor's speed moves the load, too, and numbers are known as well as the moves tell them."""
-        moves = self.held.moves
-        own = with_expected_errors(moves, self.fitted, fitted=False).expected
+        moves, at = self.held.moves, self.held.at
+        own, _ = expected_errors(self.held.simulated, self.fitted.model, at.shared, at.local[0], fitted=False)
         expected = np.where(moves.used, np.hypot(own, moves.expected * self.held.doubted), np.nan)
         return np.array([rms(expected[:, x]) for x in range(len(moves.axes))])
 
@@ -121,27 +128,75 @@ def held_out(validate: Moves, found: Fitted, thorough: bool = True) -> Held:
     never from the measured acceleration. The force depends on that motion, so the two are found in turns until they
     agree; a motion that did not answer to the force would go around between two that do not.
     """
-    moves, model, free = validate, found.model, found_again(found.model)
-    at = Point(found.at.shared, resting([moves], model))
-    again, known = len(KNOWN) if swings_at_all(model) else 2, how_known(found.moves)
-    for _ in KNOWN:
-        (moves,), _ = swinging_on([moves], model, at, known)
-    at = anew([early_part(moves, EARLY)], model, at, free)
+    model, free = found.model, found_again(found.model)
+    moves, at, known, _ = begun(validate, found, thorough)
     predicted = said(moves, model, at)
-    for turn in range(TURNS if thorough else 0):
-        early = [early_part(moves, EARLY)]
-        at = zeros_found(early, model, at, free) if turn < again else fit(early, model, at, 8, free=free).at
-        (moves,) = reconstructed(replace(found, moves=(moves,), at=at), follow=turn >= again)
+    for _ in range(TURNS if thorough else 0):
+        early = early_part(moves, EARLY)
+        if over_expected(early, early.measured - predicted[..., : early.samples]) > NEAR:
+            break
+        at = fit([early], model, at, 8, free=free).at
+        (moves,) = reconstructed(replace(found, moves=(moves,), at=at))
         (moves,), at = swinging_on([moves], model, at, known)
         before, predicted = predicted, said(moves, model, at)
-        agreed = turn >= again and not over_expected(moves, predicted - before) > AGREED
-        misfit = early[0].measured - predicted[..., : early[0].samples]
-        if agreed or (turn + 1 >= again and over_expected(early[0], misfit) > NEAR):
+        if not over_expected(moves, predicted - before) > AGREED:
             break
     if thorough:
         at = fit([early_part(moves, EARLY)], model, at, 8, free=free).at
         predicted = said(moves, model, at)
-    return Held(validate, np.nan_to_num(predicted, nan=1e6), doubts(moves, found, at))
+    doubted = doubts(moves, found, at)
+    unanswering = replace(moves, echoes=(), reference=None)
+    return Held(validate, np.nan_to_num(predicted, nan=1e6), doubted, unanswering, at)
+
+
+class Begun(NamedTuple):
+    """Moves, the point at which they begin, the share to which is known what swings then, and the RMS of their first
+    parts over the expected errors."""
+
+    moves: Moves
+    at: Point
+    known: float
+    misfit: float
+
+
+def begun(validate: Moves, found: Fitted, thorough: bool) -> Begun:
+    """The held-out moves as they begin: with what the moves before them leave swinging, or where their first parts are
+    not described so, as each is heard by itself. A move that is begun wrong would spoil all after it."""
+    model, free = found.model, found_again(found.model)
+    at, through = Point(found.at.shared, resting([validate], model)), validate
+    for _ in validate.grids if swings_at_all(model) else ():
+        (through,), _ = swinging_on([through], model, at, how_known(found.moves))
+    tried = []
+    for moves in (through, validate) if swings_at_all(model) else (validate,):
+        first = anew([early_part(moves, EARLY)], model, at, free)
+        one = Begun(moves, first, how_known(found.moves), early_misfit(moves, model, first))
+        tried.append(as_left(one, found, free) if thorough else one)
+        if tried[0].misfit < DESCRIBED:
+            break
+    return min(tried, key=lambda one: one.misfit)
+
+
+def as_left(one: Begun, found: Fitted, free: Free) -> Begun:
+    """The moves beginning as each one before left them, where anything swings: known as closely as in the train moves,
+    unless the first parts are described the worse for it."""
+    model, (moves, at, kept, _), closest = found.model, one, np.inf
+    swinging = swings_at_all(model)
+    for known in KNOWN if swinging else (1.0, 1.0):
+        share = max(known, how_known(found.moves))
+        (on,), begun_so = swinging_on([moves], model, at, share)
+        begun_so = zeros_found([early_part(on, EARLY)], model, begun_so, free)
+        error = early_misfit(on, model, begun_so)
+        if swinging and error > WORSE * closest:
+            break
+        closest, kept, at = min(error, closest), share, begun_so
+        (moves,) = reconstructed(replace(found, moves=(on,), at=at), follow=False)
+    return Begun(moves, at, kept, early_misfit(moves, model, at))
+
+
+def early_misfit(moves: Moves, model: Model, at: Point) -> float:
+    """RMS over the expected errors of the first parts of the moves, with the motors' motion that is not followed."""
+    early = early_part(moves, EARLY)
+    return over_expected(early, early.measured - said(early, model, at))
 
 
 def said(moves: Moves, model: Model, at: Point) -> FloatArray:

@@ -14,7 +14,7 @@ from service.backlash.moves_fit import Fitted, Point, fit, reconstructed, values
 from service.dynamics.driven_model import LINKS
 from service.identification.held_out import DESCRIBED, NEAR, Explained, overdamped, trial_of
 from service.identification.moves_looks import ENDED, FROM_AFAR, alike
-from service.identification.moves_rests import KNOWN, how_known, swinging_on, swings_at_all
+from service.identification.moves_rests import KNOWN, begun_as_left, how_known, swinging_on, swings_at_all
 from service.identification.moves_ridges import over_ridges, put_back
 from service.identification.moves_starts import (
     ROUNDS,
@@ -72,6 +72,7 @@ def settled(found: Fitted, rounds: int, ridges: tuple[float, float] = OF_ADDED) 
     first, last = ridges
     if (ENDED if swings_at_all(on.model) else first) <= on.rms < last:
         on = over_ridges(on)
+    on = begun_as_left(on, rounds) if on.rms >= HOPELESS and swings_at_all(on.model) else on
     return on if on.rms >= HOPELESS else followed(on, rounds)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.backlash.moves import REST_SPREAD, Moves, Swings, left_over, simulated
-from service.backlash.moves_fit import Point
+from service.backlash.moves_fit import Fitted, Point, fit
 from service.dynamics.driven import wider
 from service.dynamics.driven_model import Model
 from service.dynamics.driven_motion import of_motors
@@ -22,6 +22,8 @@ from service.recording import FloatArray
 
 LONGEST = 4.0
 """Time from one move to the next after which nothing swings any more [s]."""
+AT_FIRST = 1.0
+"""The same while a fit is far off: where its prior is centred, and no more."""
 KNOWN = (0.3, 0.3, 0.1, 0.03)
 """Shares of its prior's width that are left of a swing's coordinate where the move before says how it begins: tried one
 after the other, for a swing is left by the move before, and by the one before that."""
@@ -54,6 +56,13 @@ def swinging_on(
 def how_known(moves: Sequence[Moves]) -> float:
     """The share to which all moves know what the moves before them leave."""
     return max((float(np.min(part.swings.width)) if part.swings else 1.0) for part in moves)
+
+
+def begun_as_left(found: Fitted, rounds: int) -> Fitted:
+    """The fit continued, each move beginning about as the one before left what swings, or as it was where that is no
+    nearer: how the moves go on from one to the next is told by numbers that a move by itself does not tell."""
+    moves, at = swinging_on(found.moves, found.model, found.at, AT_FIRST)
+    return min(found, fit(moves, found.model, at, rounds), key=lambda f: f.rms)
 
 
 def swings_at_all(model: Model) -> bool:

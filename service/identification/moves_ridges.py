@@ -13,7 +13,7 @@ from collections.abc import Collection, Iterator, Sequence
 import numpy as np
 
 from service.backlash.moves_begun import Values, shared_at
-from service.backlash.moves_fit import FAR, Fitted, Point, fit, values_at
+from service.backlash.moves_fit import Fitted, Point, fit, limits, values_at
 from service.identification.held_out import overdamped
 from service.identification.moves_starts import (
     BRIEF,
@@ -87,4 +87,4 @@ def other_chains(found: Fitted) -> Iterator[FloatArray]:
     for width in np.geomspace(*WIDTHS, CHAINS):
         shared = plain.copy()
         shared[links] += width * rng.standard_normal(len(links))
-        yield np.clip(shared, -FAR, FAR)
+        yield np.clip(shared, *limits(model).T)

@@ -32,6 +32,7 @@ from service.identification.moves_end import (
     settled,
     with_own_errors,
 )
+from service.identification.moves_heard import heard
 from service.identification.moves_looks import (
     ENDED,
     FAR_OFF,
@@ -191,6 +192,9 @@ def propose(
         found[name] = min((first, *(f for at, f in coupled.items() if at == name)), key=lambda f: f.rms)
         tell(f"tried {name}: {found[name].rms:.3f} (now {base.rms:.3f})")
     begun_again(base, found, brief, tried)
+    if min(f.rms for f in found.values()) > HOPELESS:
+        for c in tried:
+            found[c.name] = min((found[c.name], *heard(scene, base, c)), key=lambda f: f.rms)
     fitted_on(base, found, tried)
     trials = {
         name: min((trial_of(scene, one, thorough=False) for one in (f, *others[name])), key=distance)

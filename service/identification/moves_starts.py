@@ -135,10 +135,10 @@ def own_of_few(found: Fitted) -> FloatArray:
 
 def how_few(found: Fitted) -> int:
     """How many moves starts are compared with: of those that are made alike, several tell more only where as little is
-    missing as noise may hide."""
+    missing as noise may hide, or where it is heard that each begins with another swing."""
     moves = found.moves[0]
     kept = moves.grids[few_of(moves, FEW)]
-    if found.rms < NEAR or len(kept) == len(moves.grids):
+    if found.rms < NEAR or moves.heard or len(kept) == len(moves.grids):
         return len(kept)
     made = [moves.recording.moves[grid.index] for grid in kept]
     places = np.stack([[float(motor(move.start)) for motor in moves.plain] for move in made])
@@ -235,11 +235,11 @@ def own_and_kept(candidate: Candidate) -> tuple[set[str], set[str]]:
 
 
 def as_heard(scene: Scene, candidate: Candidate) -> Values:
-    """An effect that swings as fast as what is heard between the moves."""
+    """An effect that is heard to swing between the moves; a body then carries the axis, which friction holds."""
     if scene.heard is None or candidate.effect.free_swing is None:
         return {}
-    frequency, strong = candidate.effect.free_swing
-    return on_all_axes(candidate.effect, {**strong, frequency: scene.heard})
+    frequency, strong, faster = candidate.effect.free_swing
+    return on_all_axes(candidate.effect, {**strong, frequency: faster * scene.heard})
 
 
 def everywhere(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from service.backlash.rest_noise import noise_at_rest
-from service.recording import Recording, Trace
+from service.recording import FloatArray, Recording, Trace
 
 AFTER, BEFORE = 0.03, 0.005
 """Time left out after a move, in which the axis comes to rest, and before the next one [s]."""
@@ -18,6 +18,9 @@ SHORTEST = 2.0
 """Periods that a rest must hold."""
 HIGHEST = 250.0
 """Frequency up to which parts of a machine swing by themselves [Hz]."""
+PERIODS = 1.5
+"""Last ones before a move in which a swing is looked for: it decays, and another one is not told from it in less
+(chosen)."""
 HEARD = 20.0
 """Power of a line over that of the sensor's noise from which on it is none (chosen): of some hundred lines of noise,
 the mean of ten rests, the strongest has about twice as much, and where the axis is still coming to rest, ten times."""
@@ -28,6 +31,31 @@ def heard_at_rest(recording: Recording, axes: Sequence[str]) -> float | None:
     heard = [line_of(recording.traces[axis, "acceleration"], recording) for axis in axes]
     strength, frequency = max(heard)
     return frequency if strength > HEARD else None
+
+
+def swings_before(
+    recording: Recording, axes: Sequence[str], frequency: float, starts: FloatArray
+) -> FloatArray:
+    """Displacement [m] and speed [m/s], (T, 2), at the times `starts` (T,) of what swings so fast [Hz] under all `axes`
+    while they rest before a move, by least squares in the last of its periods; 0 where there was no rest of one."""
+    omega, out = 2.0 * np.pi * frequency, np.zeros((len(starts), 2))
+    traces = [recording.traces[axis, "acceleration"] for axis in axes]
+    begin = max(float(trace.time[0]) for trace in traces)
+    ends = np.array([move.end + AFTER for move in recording.moves])
+    for t, start in enumerate(starts):
+        last = float(start) - BEFORE
+        first = max([begin, last - PERIODS / frequency, *ends[ends < start]])
+        if (last - first) * frequency < 1.0:
+            continue
+        found = []
+        for trace in traces:
+            rest = trace.between(first, last)
+            phase = omega * (rest.time - float(start))
+            waves = np.column_stack((np.cos(phase), np.sin(phase), np.ones_like(phase)))
+            found.append(np.linalg.lstsq(waves, rest.value, rcond=None)[0])
+        even, odd, _ = np.mean(found, axis=0)
+        out[t] = -even / omega**2, -odd / omega
+    return out
 
 
 def line_of(trace: Trace, recording: Recording) -> tuple[float, float]:

@@ -28,9 +28,9 @@ from service.dynamics.driven_effect import Case
 from service.dynamics.driven_model import LINKS, DrivenEffect, Model
 from service.dynamics.driven_parameters import Parameter
 from service.dynamics.driven_parameters import Values as SetValues
-from service.dynamics.effects.driven_bodies import MotorWander
+from service.dynamics.effects.driven_bodies import MotorWander, at_rest
 from service.identification.bridge_zero import bridge_zero, moved_to
-from service.identification.rest_spectrum import heard_at_rest
+from service.identification.rest_spectrum import heard_at_rest, swings_before
 from service.identification.rest_zero import zero_wanders
 from service.recording import FloatArray, Recording
 
@@ -227,6 +227,7 @@ def scene_of(
     before = [with_expected_errors(part, smooth, fitted=True) for part in smooth.moves]
     last = with_expected_errors(last, smooth, fitted=False)
     heard = heard_at_rest(train[0], axes)
+    *before, last = (as_heard_before(part, heard) for part in (*before, last))
     plain = in_closed_form(train[0], axes, lumps)
     wanders = any(zero_wanders(recording, axes) for recording in train)
     cut_off = tuple(a for a in axes if any(clipped(r.traces[a, "acceleration"]) for r in (*train, validate)))
@@ -234,6 +235,15 @@ def scene_of(
     return Scene(
         tuple(before), last, declared, places, smooth_values, coupled, heard, plain, wanders, cut_off
     )
+
+
+def as_heard_before(moves: Moves, frequency: float | None) -> Moves:
+    """The moves with what is heard so fast [Hz] in the rests before them: a body under the axes carries them along,
+    while what hangs on a carriage that friction holds is not heard there."""
+    if frequency is None:
+        return moves
+    swinging = swings_before(moves.recording, moves.axes, frequency, moves.start)
+    return replace(moves, heard={p.name: s for p, s in zip(at_rest("body"), swinging.T, strict=True)})
 
 
 def to_one_zero(recordings: Sequence[Moves], model: Model, place: Values) -> list[Moves]:

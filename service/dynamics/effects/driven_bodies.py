@@ -75,7 +75,7 @@ class DrivenHungMass(DrivenEffect):
     shapes: ClassVar[tuple[Mapping[str, float], ...]] = tuple(
         {"hung_frequency": float(f)} for f in np.geomspace(6.0, 120.0, 9)
     )
-    free_swing: ClassVar[tuple[str, Mapping[str, float]] | None] = ("hung_frequency", {"hung_ratio": AUDIBLE})
+    free_swing = ("hung_frequency", {"hung_ratio": AUDIBLE}, 1.0)
 
     @property
     def states(self) -> int:
@@ -138,7 +138,7 @@ class DrivenMachineBody(DrivenEffect):
     shapes: ClassVar[tuple[Mapping[str, float], ...]] = tuple(
         {"body_frequency": float(f)} for f in np.geomspace(6.0, 60.0, 9)
     )
-    free_swing: ClassVar[tuple[str, Mapping[str, float]] | None] = ("body_frequency", {"body_ratio": AUDIBLE})
+    free_swing = ("body_frequency", {"body_ratio": AUDIBLE}, float(np.sqrt(1.0 + AUDIBLE)))
 
     @property
     def states(self) -> int:

@@ -16,6 +16,7 @@ from service.backlash.moves import (
     residuals,
     sensor_zero,
 )
+from service.backlash.moves_begun import shared_at
 from service.backlash.moves_fit import (
     Fitted,
     Point,
@@ -35,6 +36,7 @@ from service.backlash.moves_fit import (
 from service.backlash.rest_noise import noise_at_rest, sample_noise
 from service.backlash.signals import summed
 from service.dynamics.driven_model import Model
+from service.dynamics.effects.driven_guide import DrivenConstantForce, DrivenStribeckFriction
 from service.dynamics.effects.driven_library import DRIVEN
 from service.identification.held_out import told_by_train
 from service.identification.moves_end import steady
@@ -263,3 +265,18 @@ def test_a_pinion_that_rested_at_the_far_side_of_its_gap_is_found_there(found: F
     )
     again = rests_found([made], model, Point(at.shared, (np.zeros_like(own),))).local[0]
     assert np.mean(again[:, 2] == own[0, 2]) >= 0.8
+
+
+def test_an_amount_has_no_limit_that_a_machine_may_reach(found: Fitted) -> None:
+    """Five metres per second squared of breakaway, or a vertical axis' weight; a chain stays within its prior."""
+    for kind, name, value in (
+        (DrivenStribeckFriction, "breakaway", 5.0),
+        (DrivenConstantForce, "constant_force", 9.81),
+    ):
+        effect = kind(("X1",))
+        model = replace(found.model, effects=(*found.model.effects, effect))
+        shared = shared_at(model, {f"X1.{name}": value, "X1.gear_mass": 1e6})
+        numbers = model.numbers(within(model, Point(shared, ())).shared)
+        assert numbers[f"X1.{name}"] == pytest.approx(value)
+        gear = next(p for p in model.parameters if p.name == "X1.gear_mass")
+        assert numbers["X1.gear_mass"] == pytest.approx(float(gear.value(5.0)))
