@@ -22,6 +22,9 @@ from service.recording import FloatArray
 
 LONGEST = 4.0
 """Time from one move to the next after which nothing swings any more [s]."""
+TURNS, NEARER = 6, 0.98
+"""How often the two take turns at most, and over the RMS before the one from which on they have about agreed
+(chosen)."""
 AT_FIRST = 1.0
 """The same while a fit is far off: where its prior is centred, and no more."""
 KNOWN = (0.3, 0.3, 0.1, 0.03)
@@ -59,10 +62,14 @@ def how_known(moves: Sequence[Moves]) -> float:
 
 
 def begun_as_left(found: Fitted, rounds: int) -> Fitted:
-    """The fit continued, each move beginning about as the one before left what swings, or as it was where that is no
-    nearer: how the moves go on from one to the next is told by numbers that a move by itself does not tell."""
-    moves, at = swinging_on(found.moves, found.model, found.at, AT_FIRST)
-    return min(found, fit(moves, found.model, at, rounds), key=lambda f: f.rms)
+    """The fit continued, each move beginning about as the one before left what swings, as long as that is nearer: how
+    the moves go on from one to the next is told by numbers that a move by itself does not tell."""
+    for _ in range(TURNS):
+        moves, at = swinging_on(found.moves, found.model, found.at, AT_FIRST)
+        before, found = found, min(found, fit(moves, found.model, at, rounds), key=lambda f: f.rms)
+        if found.rms > NEARER * before.rms:
+            break
+    return found
 
 
 def swings_at_all(model: Model) -> bool:
