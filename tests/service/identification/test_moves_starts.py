@@ -29,6 +29,7 @@ def fitted(made: list[tuple[int, float]], rms: float, lengths: tuple[float, ...]
         recording=SimpleNamespace(moves=moves),
         grids=tuple(SimpleNamespace(index=k) for k in range(len(made))),
         plain=(lambda time: made[int(time)][1],),
+        heard={},
     )
     return SimpleNamespace(moves=(cast(Any, parts),), rms=rms)
 
@@ -48,6 +49,12 @@ def test_of_alike_moves_one_is_enough_where_much_is_missing(
     made: list[tuple[int, float]], rms: float, lengths: tuple[float, ...], few: int
 ) -> None:
     assert moves_starts.how_few(fitted(made, rms, lengths)) == few
+
+
+def test_moves_made_alike_that_begin_with_other_swings_are_not_alike() -> None:
+    heard = fitted(BACK_AND_FORTH, 9.0)
+    heard.moves[0].heard = {"body_speed": np.linspace(0.0, 0.01, 10)}
+    assert moves_starts.how_few(heard) == 4
 
 
 def test_an_effect_begun_on_the_present_model_changes_nothing(shared_dir: Path) -> None:
