@@ -17,15 +17,7 @@ from service.dynamics.effects.driven_sensors import DrivenBias
 from service.identification.held_out import IN_THE_GAP, TURNS, Explained, Held, held_out, rms, told_by_train
 from service.identification.moves_rests import KNOWN, swinging_on
 from service.recording import FloatArray, Recording, Trace
-
-MACHINE = {
-    "X1.backlash": 8e-5,
-    "X1.contact_stiffness": 8e5,
-    "X1.drive_stiffness": 1.2e6,
-    "X1.drive_mass": 0.1,
-    "X1.coulomb": 0.3,
-    "X1.viscous": 0.8,
-}
+from tests.service.identification.a_machine import MACHINE
 
 
 @pytest.fixture(scope="module")

@@ -20,15 +20,8 @@ from service.identification.moves_rests import KNOWN, begun_as_left, swinging_on
 from service.identification.moves_starts import Candidate
 from service.identification.scene import Scene
 from service.recording import Recording
+from tests.service.identification.a_machine import MACHINE
 
-MACHINE = {
-    "X1.backlash": 8e-5,
-    "X1.contact_stiffness": 8e5,
-    "X1.drive_stiffness": 1.2e6,
-    "X1.drive_mass": 0.1,
-    "X1.coulomb": 0.3,
-    "X1.viscous": 0.8,
-}
 BODY = {"body_ratio": 0.3, "body_frequency": 9.0, "body_damping": 0.02}
 
 

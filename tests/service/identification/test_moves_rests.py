@@ -25,15 +25,7 @@ from service.dynamics.effects.driven_transmission import DrivenClearance, Driven
 from service.identification import held_out
 from service.identification.held_out import no_such_effect, too_heavy
 from service.identification.moves_rests import KNOWN, swinging_on
-
-MACHINE = {
-    "X1.backlash": 8e-5,
-    "X1.contact_stiffness": 8e5,
-    "X1.drive_stiffness": 1.2e6,
-    "X1.drive_mass": 0.1,
-    "X1.coulomb": 0.3,
-    "X1.viscous": 0.8,
-}
+from tests.service.identification.a_machine import MACHINE
 
 
 @pytest.fixture(scope="module")
