@@ -165,7 +165,8 @@ def priors(at: Point, free: Free) -> FloatArray:
 
 
 def limits(model: Model) -> FloatArray:
-    """Least and greatest coordinate of every shared parameter, (P, 2): where its value ends, at most FAR."""
+    """Least and greatest coordinate of every shared parameter, (P, 2): where its value ends, at most FAR, or as an
+    amount FAR_OF_AMOUNT."""
     far = np.array([FAR_OF_AMOUNT if p.dose else FAR for p in model.parameters])[:, None]
     return np.clip(model.scales.ends, -far, far)
 

@@ -28,7 +28,7 @@ from service.backlash.moves_fit import (
     rests_found,
 )
 from service.dynamics.driven_model import LINKS, Model
-from service.identification.moves_rests import KNOWN, how_known, swinging_on, swings_at_all
+from service.identification.moves_rests import KNOWN, WORSE, how_known, swinging_on, swings_at_all
 from service.identification.scene import Scene
 from service.identification.selection import Trial, independent_samples, shown
 from service.recording import FloatArray
@@ -62,9 +62,6 @@ IN_THE_GAP = 0.3
 TURNS, AGREED = 6, 0.05
 """How often the motor's motion in the held-out moves and the force that a model makes in it take turns, and the change
 of a prediction, over the expected errors, from which on they agree (chosen: what changes less changes no error)."""
-WORSE = 1.02
-"""How much farther from the first parts of the held-out moves they may be that begin as the moves before left them
-(chosen)."""
 PARTS = 5
 """Blocks into which a held-out move is cut for the test of a gain."""
 

@@ -14,7 +14,14 @@ from service.backlash.moves_fit import Fitted, Point, fit, reconstructed, values
 from service.dynamics.driven_model import LINKS
 from service.identification.held_out import DESCRIBED, NEAR, Explained, overdamped, trial_of
 from service.identification.moves_looks import ENDED, FROM_AFAR, alike
-from service.identification.moves_rests import KNOWN, begun_as_left, how_known, swinging_on, swings_at_all
+from service.identification.moves_rests import (
+    KNOWN,
+    WORSE,
+    begun_as_left,
+    how_known,
+    swinging_on,
+    swings_at_all,
+)
 from service.identification.moves_ridges import over_ridges, put_back
 from service.identification.moves_starts import (
     ROUNDS,
@@ -61,8 +68,6 @@ AS_GOOD = 1.01
 """How much farther from the moves a fit with a sound damping is where any damping is as good (chosen)."""
 AS_WELL = 1.1
 """How much farther from the moves a fit with a sound damping may be, or one that is begun elsewhere (chosen)."""
-WORSE = 1.02
-"""How much farther from the moves a fit may be that takes from the rests what swings."""
 
 
 def settled(found: Fitted, rounds: int, ridges: tuple[float, float] = OF_ADDED) -> Fitted:

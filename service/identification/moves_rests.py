@@ -1,8 +1,8 @@
 """What still swings when a move begins: the move before set it swinging, and the rest between did not end it.
 
-While the axis rests, friction holds the carriage, and no sensor on it shows a swinging body or a hung mass. So the
-first part of a move tells little of it. But the moves can be simulated on through the rests that follow them, and how
-a swing arrives there tells its frequency and its damping better than the moves do.
+While the axis rests, friction holds the carriage. A sensor on it feels a body that carries both, but not a hung mass,
+and how either swings tells little in the first part of a move. But the moves can be simulated on through the rests that
+follow them, and how a swing arrives there tells its frequency and its damping better than the moves do.
 """
 
 from __future__ import annotations
@@ -22,14 +22,16 @@ from service.recording import FloatArray
 
 LONGEST = 4.0
 """Time from one move to the next after which nothing swings any more [s]."""
-TURNS, NEARER = 6, 0.98
-"""How often the two take turns at most, and over the RMS before the one from which on they have about agreed
-(chosen)."""
-AT_FIRST = 1.0
-"""The same while a fit is far off: where its prior is centred, and no more."""
 KNOWN = (0.3, 0.3, 0.1, 0.03)
 """Shares of its prior's width that are left of a swing's coordinate where the move before says how it begins: tried one
 after the other, for a swing is left by the move before, and by the one before that."""
+AT_FIRST = 1.0
+"""The same while a fit is far off: the move before says where the prior is centred, and no more."""
+TURNS, NEARER = 6, 0.98
+"""How often a fit that is far off and what its moves leave take turns at most, and the RMS, over that of the turn
+before, from which on they have about agreed (chosen)."""
+WORSE = 1.02
+"""How much farther from the moves they may be that begin as the moves before left them (chosen)."""
 
 
 def swinging_on(

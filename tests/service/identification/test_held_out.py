@@ -8,16 +8,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from service.backlash.moves import REST_SPREAD, Moves, early_part, left_over, moves_of, predict
-from service.backlash.moves_begun import point_at
+from service.backlash.moves import REST_SPREAD, Moves, early_part, moves_of, predict
+from service.backlash.moves_begun import shared_at
 from service.backlash.moves_fit import Fitted, Point, fit, reconstructed, resting, rests_found
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_bodies import DrivenMachineBody
 from service.dynamics.effects.driven_sensors import DrivenBias
 from service.identification.held_out import IN_THE_GAP, TURNS, Explained, Held, held_out, rms, told_by_train
-from service.identification.moves_rests import KNOWN, swinging_on
 from service.recording import FloatArray, Recording, Trace
-from tests.service.identification.a_machine import MACHINE
+from tests.service.identification.a_machine import MACHINE, as_heard, swinging_through
 
 
 @pytest.fixture(scope="module")
@@ -142,18 +141,10 @@ def on_a_body(moves: Moves, faster: float) -> tuple[Fitted, Moves]:
     sensor feels it, also before they begin."""
     model = Model(("X1",), 1, (DrivenMachineBody(("X1",)),), "whole_move", ("constant", "skew"), bridge=False)
     body = {"body_ratio": 0.3, "body_frequency": 9.0, "body_damping": 0.012}
-    right = Point(point_at(model, MACHINE | body, [moves]).shared, resting([moves], model))
-    on = moves
-    for _ in moves.grids:
-        (on,), _ = swinging_on([on], model, right, KNOWN[-1])
-    said = predict(on, model, right.shared[None], right.local[0][None]).acceleration()[0]
-    felt = said + moves.noise[:, None] * np.random.default_rng(3).standard_normal(said.shape)
-    grids = [replace(g, measured=np.where(g.used, f, np.nan)) for g, f in zip(moves.grids, felt, strict=True)]
-    begun = left_over(on, model, model.complete(model.values(right.shared[None])))
+    machine = swinging_through(moves, model, Point(shared_at(model, MACHINE | body), resting([moves], model)))
     body["body_frequency"] *= faster
-    at = Point(point_at(model, MACHINE | body, [moves]).shared, right.local)
-    heard = {name: of_moves[0] for name, of_moves in begun.items()}
-    return fit([on], model, at, 0), replace(moves, grids=tuple(grids), heard=heard)
+    at = Point(shared_at(model, MACHINE | body), machine.at.local)
+    return fit(machine.moves, model, at, 0), as_heard(machine)
 
 
 @pytest.mark.parametrize(("faster", "most"), [(1.0, 4.0), (1.003, 12.0)])

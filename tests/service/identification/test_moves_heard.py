@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
-import numpy as np
 import pytest
 
-from service.backlash.moves import Moves, left_over, moves_of, predict
+from service.backlash.moves import Moves, moves_of
 from service.backlash.moves_begun import point_at, shared_at
 from service.backlash.moves_fit import Fitted, Point, fit, resting
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_bodies import DrivenHungMass, DrivenMachineBody
 from service.dynamics.effects.driven_sensors import DrivenLatency
 from service.identification.moves_heard import at_first, heard
-from service.identification.moves_rests import KNOWN, begun_as_left, swinging_on
+from service.identification.moves_rests import begun_as_left
 from service.identification.moves_starts import Candidate
 from service.identification.scene import Scene
 from service.recording import Recording
-from tests.service.identification.a_machine import MACHINE
+from tests.service.identification.a_machine import MACHINE, as_heard, swinging_through
 
 BODY = {"body_ratio": 0.3, "body_frequency": 9.0, "body_damping": 0.02}
 
@@ -34,14 +32,7 @@ def candidate(kind: type[DrivenHungMass] | type[DrivenMachineBody] | type[Driven
 def on_a_body(captures: tuple[Recording, Recording]) -> Fitted:
     """Moves of a machine on a body that swings on from move to move, at the machine."""
     model, moves = candidate(DrivenMachineBody).model, moves_of(captures[0], ("X1",))
-    at = Point(shared_at(model, MACHINE | BODY), resting([moves], model))
-    on = moves
-    for _ in moves.grids:
-        (on,), _ = swinging_on([on], model, at, KNOWN[-1])
-    said = predict(on, model, at.shared[None], at.local[0][None]).acceleration()[0]
-    felt = said + moves.noise[:, None] * np.random.default_rng(3).standard_normal(said.shape)
-    grids = [replace(g, measured=np.where(g.used, f, np.nan)) for g, f in zip(moves.grids, felt, strict=True)]
-    return fit([replace(on, grids=tuple(grids))], model, at, 0)
+    return swinging_through(moves, model, Point(shared_at(model, MACHINE | BODY), resting([moves], model)))
 
 
 def test_what_an_effect_may_have_or_not_beside_its_amounts_is_fitted_last() -> None:
@@ -53,9 +44,7 @@ def test_what_an_effect_may_have_or_not_beside_its_amounts_is_fitted_last() -> N
 
 def test_how_moves_go_on_from_one_to_the_next_leads_to_the_swing(on_a_body: Fitted) -> None:
     """Begun a little off, from what is heard."""
-    model, part = on_a_body.model, on_a_body.moves[0]
-    left = left_over(part, model, model.complete(model.values(on_a_body.at.shared[None])))
-    moves = [replace(part, swings=None, heard={name: of_moves[0] for name, of_moves in left.items()})]
+    model, moves = on_a_body.model, [as_heard(on_a_body)]
     begun = point_at(model, MACHINE | BODY | {"body_ratio": 0.28, "body_frequency": 9.05}, moves)
     first = fit(moves, model, begun, 3)
     together = begun_as_left(first, 8)
@@ -70,11 +59,5 @@ def test_nothing_is_fitted_where_nothing_is_heard_or_nothing_swings(on_a_body: F
     assert heard(still, on_a_body, candidate(DrivenMachineBody)) == []
     some = cast(Any, SimpleNamespace(heard=9.0))
     late = candidate(DrivenLatency)
-    assert (
-        heard(
-            some,
-            fit(moves, late.model, Point(shared_at(late.model, MACHINE), resting(moves, late.model)), 0),
-            late,
-        )
-        == []
-    )
+    at = Point(shared_at(late.model, MACHINE), resting(moves, late.model))
+    assert heard(some, fit(moves, late.model, at, 0), late) == []
