@@ -11,6 +11,7 @@ import pytest
 from tests.benchmarks import explain_table
 from tests.benchmarks.measuring import Record, fingerprint
 from tests.undeclared import generate
+from tests.undeclared.machine import Steps
 
 
 def row(planted: str, first: str, rivals: list[list[str]] | None = None, name: str = "a-000") -> Record:
@@ -107,7 +108,10 @@ def test_a_campaign_that_is_stopped_prints_its_table(
     assert "in the library: right name     1 of 1, 100.0%" in printed
 
 
-def test_one_machine_of_every_kind_comes_after_the_other(tmp_path: Path) -> None:
+def test_one_machine_of_every_kind_comes_after_the_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tests.undeclared.draw.Steps", lambda length, jerk: Steps(length, jerk, 1, 0.02))
     arguments = [
         "--effects",
         "sensor_bias",

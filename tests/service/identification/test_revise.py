@@ -15,43 +15,43 @@ from service.identification.explanation import CannotExplain
 from service.identification.revise import revised_values
 
 
-def test_the_value_with_the_effect_is_that_of_the_machine(shared_dir: Path) -> None:
-    folder = shared_dir / "captures"
-    truth = json.loads((folder / "constant_force-truth.json").read_text())["backlash_m"]["X1"]
-    found = revised_values(
-        read_capture(folder / "constant_force-validate.parquet"), ("X1",), ("constant_force",)
-    )
-    assert found["X1"].explained
-    assert found["X1"].backlash == pytest.approx(truth, abs=1e-6)
-    low, high = found["X1"].interval_95
-    assert low < truth < high
-
-
-def test_the_wrong_effect_leaves_too_much(shared_dir: Path) -> None:
-    recording = read_capture(shared_dir / "captures" / "sensor_latency-train.parquet")
-    few = replace(recording, moves=recording.moves[:5])
-    found = revised_values(few, ("X1",), ("sensor_gain",))
-    assert not found["X1"].explained
-
-
-def test_a_fit_that_ended_wrongly_begins_once_more_where_another_recording_is_described(
+def test_the_value_with_the_effect_is_that_of_the_machine_and_another_search_may_begin_with_its_fit(
     shared_dir: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = shared_dir / "captures"
     truth = json.loads((folder / "constant_force-truth.json").read_text())["backlash_m"]["X1"]
-    run, other = (read_capture(folder / f"constant_force-{part}.parquet") for part in ("validate", "train"))
-    search, noise_of_run = revise._searched, revise._scene(run, ("X1",)).validate.noise[0]
+    run, other = (read_capture(folder / f"constant_force-{part}.parquet") for part in ("train", "validate"))
+    search, ended = revise._searched, []
 
-    def lost(scene: revise.Scene, effects: Sequence[str]) -> revise.Fitted:
+    def kept(scene: revise.Scene, effects: Sequence[str]) -> revise.Fitted:
+        ended.append(search(scene, effects))
+        return ended[-1]
+
+    monkeypatch.setattr(revise, "_searched", kept)
+    found = revised_values(other, ("X1",), ("constant_force",))["X1"]
+    assert found.explained
+    assert found.backlash == pytest.approx(truth, abs=1e-6)
+    low, high = found.interval_95
+    assert low < truth < high
+
+    noise_of_run = revise._scene(run, ("X1",)).validate.noise[0]
+
+    def lost(scene: revise.Scene, _: Sequence[str]) -> revise.Fitted:
         """The search for the run ends nowhere, the one for the other recording where it should."""
-        of_run = scene.validate.noise[0] == noise_of_run
-        return revise.declared_fit(scene) if of_run else search(scene, effects)
+        return revise.declared_fit(scene) if scene.validate.noise[0] == noise_of_run else ended[0]
 
     monkeypatch.setattr(revise, "_searched", lost)
     assert not revised_values(run, ("X1",), ("constant_force",))["X1"].explained
     found = revised_values(run, ("X1",), ("constant_force",), [other])["X1"]
     assert found.explained
     assert found.backlash == pytest.approx(truth, abs=1e-6)
+
+
+def test_the_wrong_effect_leaves_too_much(shared_dir: Path) -> None:
+    recording = read_capture(shared_dir / "captures" / "sensor_latency-train.parquet")
+    few = replace(recording, moves=recording.moves[:3])
+    found = revised_values(few, ("X1",), ("sensor_gain",))
+    assert not found["X1"].explained
 
 
 def test_an_effect_without_a_model_of_moves_is_refused(shared_dir: Path) -> None:
