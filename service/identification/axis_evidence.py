@@ -6,13 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from service.backlash.motor_rows import OWN
-from service.backlash.moves import Moves, predict
-from service.backlash.moves_fit import Fitted, reconstructed
+from service.backlash.moves import Moves
 from service.dynamics.driven_effect import DrivenEffect
 from service.identification.axis_numbers import apart_in_time, clearance_beside
 from service.identification.explanation import Finding, SeparatingMove
 from service.identification.held_out import Explained, Held, rms
+from service.identification.moves_motors import CONTRADICTED, left_by_motors
 from service.identification.scene import Scene
 from service.identification.selection import Selection
 from service.recording import FloatArray
@@ -23,11 +22,6 @@ share of the variance between moves that a step or a line must explain to be tol
 fifths)."""
 
 
-CONTRADICTED = 2.5
-"""What a motor's equation of motion may leave, over the noise, with the force that the declared model makes: where it
-is more, something is hidden between motor and load (chosen)."""
-
-
 def over_range(scene: Scene, axis: str) -> tuple[str, ...]:
     """What says that an accelerometer was over its range, if this one was."""
     if axis not in scene.clipped:
@@ -36,19 +30,6 @@ def over_range(scene: Scene, axis: str) -> tuple[str, ...]:
         "the accelerometer stays at an end of its range: the steps are harder than it can measure, and nothing was "
         "searched for. Choose a larger range, or step with a smaller jerk, and record again",
     )
-
-
-def left_by_motors(found: Fitted) -> FloatArray:
-    """RMS of what is left of each motor's equation of motion with the force of a fit, over the noise: (X,); 0 where no
-    torque was recorded."""
-    squares, free = np.zeros((2, len(found.model.axes)))
-    for part, local in zip(reconstructed(found, asked=True, by_noise=True), found.at.local, strict=True):
-        force = predict(part, found.model, found.at.shared[None], local[None]).force()[0]
-        for of_move, acts in zip(part.motors, force, strict=bool(part.motors)):
-            for x, rows in enumerate(of_move):
-                squares[x] += np.sum(rows.of(acts[x][None]) ** 2)
-                free[x] += np.count_nonzero(rows.weight) - OWN
-    return np.asarray(np.sqrt(squares / np.maximum(free, 1.0)))
 
 
 def of_motor(left: float, model: str) -> tuple[str, ...]:

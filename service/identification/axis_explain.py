@@ -10,13 +10,15 @@ import numpy as np
 from service.dynamics.driven_model import DrivenEffect
 from service.dynamics.effects.driven_library import DRIVEN
 from service.dynamics.effects.driven_sensors import DrivenBias
-from service.identification.axis_evidence import CONTRADICTED, left_by_motors
 from service.identification.axis_verdict import LEFT_BY_ONE, SMALL, verdict
 from service.identification.explanation import Accepted, AxisExplanation
 from service.identification.given_effects import as_accepted, names_of, with_effects_of
 from service.identification.held_out import DESCRIBED, SEARCHED, Explained, trial_of
 from service.identification.moves_end import ended, settled_present
+from service.identification.moves_hidden import hidden
+from service.identification.moves_motors import CONTRADICTED, left_by_motors
 from service.identification.moves_search import challenged, propose, without
+from service.identification.moves_starts import TOO_MUCH
 from service.identification.scene import Scene, declared_fit, scene_of
 from service.identification.selection import Limits, Selection, Trial, distance, left, select, shown
 from service.recording import Recording
@@ -33,14 +35,10 @@ BEYOND = replace(LIMITS, material=FURTHER[0], enough=FURTHER[1])
 """Beyond accepted effects the next one is a further one."""
 HIDDEN = tuple(kind for kind in DRIVEN.values() if kind.many_valleys)
 """What the declared model may hide in the moves that are fitted: it makes one gap of two in series, as wide as both.
-Asked for where the motors contradict it, or no torque was recorded and the others are not described as well, although
+Asked for by the motors, and where no torque was recorded and the other moves are not described as well, although
 numbers that are not known could do that, too."""
 OF_HIDDEN = replace(LIMITS, material=0.05)
 """Where so little is left there is less to remove (chosen)."""
-HEEDED = 0.5
-"""What of the motors' contradiction may be left by what is named for it (chosen)."""
-OR_HIDDEN = replace(LIMITS, shares={kind.name: OF_HIDDEN.material for kind in HIDDEN})
-"""Anything, and less of what may be hidden."""
 
 
 def explain_axes(
@@ -87,9 +85,9 @@ def missing_in(
     scene: Scene, before: Trial[Explained], accepted: Sequence[str], tell: Callable[[str], None]
 ) -> Selection[Explained]:
     """What is missing in the model that is declared, or that was accepted. A zero that is seen to wander at rest is
-    asked for first; where only the motors' equations of motion do not hold, or numbers may do it that are not known,
-    nothing but what may be hidden. What accepted effects leave is the next one's only where it is more than a law
-    leaves that differs a little from the machine's, as after a first effect."""
+    asked for first, then what may be hidden, where the motors' equations of motion do not hold; where no torque was
+    recorded and only numbers may do it that are not known, nothing but that. What accepted effects leave is the next
+    one's only where it is more than a law leaves that differs a little from the machine's, as after a first effect."""
     if scene.zero_wanders and DrivenBias.name not in accepted:
         tell("the accelerometer's zero wanders while the axis rests")
         found = searched(scene, before, tell, LIMITS, first=(DrivenBias,))
@@ -98,28 +96,17 @@ def missing_in(
     if accepted:
         beyond = left(before) > FURTHER[1]
         return searched(scene, before, tell, BEYOND) if beyond else nothing_beyond(before)
-    if shown(before) > DESCRIBED:
-        return searched(scene, before, tell, LIMITS)
     by_motors = float(np.max(left_by_motors(before.model.fitted)))
-    contradicted = by_motors > CONTRADICTED
-    if contradicted:
+    if by_motors > CONTRADICTED and before.train_rms < TOO_MUCH:
         tell(f"the motors' equations of motion leave {by_motors:.1f} of the noise")
-    hidden = contradicted if by_motors else before.validation_rms > DESCRIBED
-    if shown(before) <= SEARCHED and hidden:
-        found = searched(scene, before, tell, OF_HIDDEN, first=HIDDEN)
-    else:
-        found = searched(scene, before, tell, OR_HIDDEN if contradicted else LIMITS)
-    return found if heeded(found, by_motors) else replace(found, after=before, effects=(), rivals=())
-
-
-def heeded(found: Selection[Explained], by_motors: float) -> bool:
-    """Whether what may be hidden, and was named for a small gain, is what the motors speak of, who leave so much of the
-    model before: it takes half of that away. Where no torque was recorded they say nothing."""
-    small = found.after.held_rms > (1.0 - MATERIAL) * found.before.held_rms
-    hidden = bool(found.effects) and found.effects[0] in OR_HIDDEN.shares
-    if not (by_motors and small and hidden):
-        return True
-    return float(np.max(left_by_motors(found.after.model.fitted))) < HEEDED * by_motors
+        found = hidden(scene, before, HIDDEN, len(DRIVEN), tell)
+        if found.effects:
+            return found
+        beside = searched(scene, before, tell, LIMITS, but=HIDDEN)
+        return replace(beside, candidates=beside.candidates + found.candidates, hinted=found.hinted)
+    if shown(before) <= SEARCHED and before.validation_rms > DESCRIBED and not by_motors:
+        return searched(scene, before, tell, OF_HIDDEN, first=HIDDEN)
+    return searched(scene, before, tell, LIMITS)
 
 
 def searched(
@@ -128,10 +115,11 @@ def searched(
     tell: Callable[[str], None],
     limits: Limits,
     first: Sequence[type[DrivenEffect]] = (),
+    but: Sequence[type[DrivenEffect]] = (),
 ) -> Selection[Explained]:
-    """What is found in the library; with `first`, of which there is other evidence, begun with nothing else and however
-    little is missing."""
-    held = {effect.name for effect in before.model.fitted.model.effects}
+    """What is found in the library, `but` for some; with `first`, of which there is other evidence, begun with nothing
+    else and however little is missing."""
+    held = {effect.name for effect in before.model.fitted.model.effects} | {kind.name for kind in but}
     library = tuple(kind for kind in DRIVEN.values() if kind.name not in held)
     return select(
         before,

@@ -144,7 +144,10 @@ def finding_of(
     before, after, effects = selection.before, selection.after, selection.effects
     sound = max(sound, SMALL) if _undisputed(selection) else sound
     sound_enough = _little(before) and left(after) <= sound and _in_time(before)
-    nothing: Finding = "none" if sound_enough and not _of_no_library(selection) else "unknown"
+    if effects and effects == selection.witnessed:
+        return "effect", effects
+    of_library = not (selection.hinted or _of_no_library(selection))
+    nothing: Finding = "none" if sound_enough and of_library else "unknown"
     if not effects or (_little(before) and _common_suffices(selection)):
         return nothing, ()
     if not _matters(selection):

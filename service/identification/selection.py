@@ -74,7 +74,8 @@ class Trial(Generic[ModelT]):
 @dataclass(frozen=True)
 class Selection(Generic[ModelT]):
     """Outcome: the first and the last trial, effects in order of taking, all candidates, and rivals; `tried` are the
-    trials of all candidates for the first effect."""
+    trials of all candidates for the first effect, `witnessed` the effects of which another channel speaks; it may have
+    `hinted` at more than any effect explains."""
 
     before: Trial[ModelT]
     after: Trial[ModelT]
@@ -82,6 +83,8 @@ class Selection(Generic[ModelT]):
     candidates: tuple[Candidate, ...]
     rivals: tuple[tuple[str, str], ...]
     tried: tuple[Trial[ModelT], ...] = ()
+    witnessed: tuple[str, ...] = ()
+    hinted: bool = False
 
 
 def left(trial: Trial[ModelT]) -> float:

@@ -14,10 +14,9 @@ from service.identification.axis_explain import (
     HIDDEN,
     LIMITS,
     OF_HIDDEN,
-    OR_HIDDEN,
-    heeded,
     missing_in,
 )
+from service.identification.explanation import Candidate
 from service.identification.selection import Selection, Trial
 
 
@@ -38,9 +37,10 @@ def trial(train: float, held_out: float) -> Trial[Any]:
         ((0.97, 1.22), (), False, ["all"], 1.2),
         ((0.97, 1.12), (), False, ["all"], 1.2),
         ((1.1, 1.22), (), False, ["all"], 1.2),
-        ((0.97, 1.12), (), False, ["hidden"], 3.0),
-        ((1.1, 1.12), (), False, ["all or hidden"], 3.0),
-        ((1.6, 1.7), (), False, ["all"], 3.0),
+        ((0.97, 1.12), (), False, ["motors", "all but hidden"], 3.0),
+        ((1.6, 1.7), (), False, ["motors", "all but hidden"], 3.0),
+        ((1.6, 1.7), (), True, ["zero", "motors", "all but hidden"], 3.0),
+        ((4.1, 5.0), (), False, ["all"], 3.0),
         ((1.1, 1.2), ("hung_mass_mode",), False, [], 3.0),
     ],
 )
@@ -54,14 +54,20 @@ def test_beyond_what_is_accepted_only_more_than_a_law_leaves_is_searched(
 ) -> None:
     said: list[str] = []
 
-    def searched(_scene: Any, before: Trial[Any], _tell: Any, limits: Any, first: Any = ()) -> Selection[Any]:
+    def searched(
+        _scene: Any, before: Trial[Any], _tell: Any, limits: Any, first: Any = (), but: Any = ()
+    ) -> Selection[Any]:
         names = {id(LIMITS): "zero" if first else "all", id(BEYOND): "beyond", id(OF_HIDDEN): "hidden"}
-        names[id(OR_HIDDEN)] = "all or hidden"
         assert (first == HIDDEN) == (limits is OF_HIDDEN)
-        said.append(names[id(limits)])
+        said.append(names[id(limits)] + (" but hidden" if but == HIDDEN else ""))
+        return Selection(before, before, (), (), ())
+
+    def hidden(_scene: Any, before: Trial[Any], *_: Any) -> Selection[Any]:
+        said.append("motors")
         return Selection(before, before, (), (), ())
 
     monkeypatch.setattr(axis_explain, "searched", searched)
+    monkeypatch.setattr(axis_explain, "hidden", hidden)
     monkeypatch.setattr(axis_explain, "left_by_motors", lambda _fitted: np.array([0.5, 1.0]) * by_motors)
     scene: Any = SimpleNamespace(zero_wanders=wanders)
     found = missing_in(scene, trial(*errors), accepted, lambda _text: None)
@@ -73,20 +79,21 @@ def test_a_second_gap_is_what_a_fit_may_hide() -> None:
     assert [kind.name for kind in HIDDEN] == ["gearbox_clearance"]
 
 
-@pytest.mark.parametrize(
-    ("effects", "held_out", "by_motors", "stays"),
-    [
-        (("gearbox_clearance",), 0.95, 1.5, True),
-        (("gearbox_clearance",), 0.95, 8.0, False),
-        (("gearbox_clearance",), 0.80, 8.0, True),
-        (("stribeck_friction",), 0.95, 8.0, True),
-        ((), 1.0, 10.0, True),
-        (("gearbox_clearance",), 0.95, 0.0, True),
-    ],
-)
-def test_what_is_named_for_the_motors_contradiction_must_be_what_they_speak_of(
-    monkeypatch: pytest.MonkeyPatch, effects: tuple[str, ...], held_out: float, by_motors: float, stays: bool
+@pytest.mark.parametrize(("names", "hinted"), [(("gearbox_clearance",), False), ((), True), ((), False)])
+def test_what_the_motors_speak_of_is_the_finding_and_a_hint_goes_on_with_what_else_is_found(
+    monkeypatch: pytest.MonkeyPatch, names: tuple[str, ...], hinted: bool
 ) -> None:
-    monkeypatch.setattr(axis_explain, "left_by_motors", lambda _fitted: np.array([by_motors]))
-    found: Selection[Any] = Selection(trial(1.0, 1.0), trial(1.0, held_out), effects, (), ())
-    assert heeded(found, 10.0 if by_motors else 0.0) is stays
+    before = trial(1.1, 1.4)
+    of_motors = Candidate("gearbox_clearance", 1.0, 0.1, bool(names), "by the motors")
+    by_motors = Selection(before, before, names, (of_motors,), (), witnessed=names, hinted=hinted)
+    other = Selection(before, before, (), (Candidate("sensor_gain", 1.0, 0.5),), ())
+    monkeypatch.setattr(axis_explain, "left_by_motors", lambda _fitted: np.array([5.0]))
+    monkeypatch.setattr(axis_explain, "hidden", lambda *_: by_motors)
+    monkeypatch.setattr(axis_explain, "searched", lambda *_, **__: other)
+    scene: Any = SimpleNamespace(zero_wanders=False)
+    found = missing_in(scene, before, (), lambda _text: None)
+    if names:
+        assert found is by_motors
+    else:
+        assert [c.effect for c in found.candidates] == ["sensor_gain", "gearbox_clearance"]
+        assert found.hinted is hinted

@@ -115,6 +115,21 @@ def test_what_only_a_law_explains_that_no_such_effect_has_is_unknown(
     assert axis_verdict.finding_of(selection)[0] == found
 
 
+@pytest.mark.parametrize("errors", [((1.1, 1.8), (1.3, 1.7)), ((1.5, 2.2), (1.0, 2.6))])
+def test_what_the_motors_witness_is_a_finding_however_little_the_accelerometer_tells(
+    errors: tuple[tuple[float, float], tuple[float, float]],
+) -> None:
+    before, after = (trial(*both) for both in errors)
+    name = ("gearbox_clearance",)
+    assert axis_verdict.finding_of(Selection(before, after, name, (), (), witnessed=name)) == ("effect", name)
+
+
+def test_where_the_motors_hint_at_something_that_no_effect_explains_a_sound_model_is_unknown() -> None:
+    sound = Selection(trial(1.1, 1.2), trial(1.1, 1.2), (), (), ())
+    assert axis_verdict.finding_of(sound)[0] == "none"
+    assert axis_verdict.finding_of(replace(sound, hinted=True))[0] == "unknown"
+
+
 def test_a_sound_model_of_accepted_effects_may_leave_what_its_laws_leave() -> None:
     selection = Selection(trial(1.4, 2.5), trial(1.4, 2.5), (), (), ())
     assert axis_verdict.finding_of(selection)[0] == "unknown"

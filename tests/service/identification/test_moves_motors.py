@@ -9,7 +9,7 @@ import pytest
 
 from service.backlash.moves import early_part, predict, residuals, some_of
 from service.backlash.moves_fit import Fitted, every, fit, jacobian, reconstructed
-from service.identification.axis_evidence import CONTRADICTED, left_by_motors
+from service.identification.moves_motors import CONTRADICTED, left_by_motors
 from service.identification.moves_valleys import asked as of_few
 from service.recording import Recording, Trace
 

@@ -1,0 +1,125 @@
+"""What hides between motor and load, such as a second gap, searched with the motors' equations of motion as a witness
+beside the accelerometer.
+
+In the moves that are fitted one gap as wide as both imitates two in series, and in others a pinion that chatters
+between them is foretold by no model whose numbers are not exact. But the motor feels what it meets, and when: where the
+declared model leaves it far over the noise, two gaps take most of that away, in the moves that were fitted and in
+those that were not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from service.backlash.moves_fit import Fitted, fit, reconstructed
+from service.dynamics.driven_model import DrivenEffect
+from service.identification.explanation import Candidate
+from service.identification.given_effects import LEFT
+from service.identification.held_out import Explained, trial_of
+from service.identification.moves_looks import VALLEYS, noted
+from service.identification.moves_motors import of_moves
+from service.identification.moves_search import FIRST_ROUNDS, carried
+from service.identification.moves_starts import ROUNDS, candidates, unanswering
+from service.identification.moves_valleys import valleys
+from service.identification.scene import Scene
+from service.identification.selection import (
+    LEVEL,
+    PART,
+    UNKNOWN_NUMBERS,
+    Selection,
+    Trial,
+    explained,
+    gain_p_value,
+    gone,
+    independent_samples,
+)
+
+TURNS = 2
+"""How often a fit with its motors asked and the reconstructed motion take turns (chosen)."""
+HINT = 0.25
+"""Share of what samples and motors show from which on something hides there, although no fit found it (chosen: of one
+gap, and of any other effect, a second one takes less than a fifth away)."""
+
+
+def jointly(found: Fitted) -> Fitted:
+    """The fit continued to the samples and to its motors' equations of motion, in turns with the motors' motion."""
+    for _ in range(TURNS):
+        found = fit(reconstructed(found, asked=True, by_noise=True), found.model, found.at, ROUNDS)
+    return found
+
+
+def hidden(
+    scene: Scene,
+    before: Trial[Explained],
+    kinds: Sequence[type[DrivenEffect]],
+    of_all: int,
+    tell: Callable[[str], None],
+) -> Selection[Explained]:
+    """What of these `kinds` hides between motor and load, if it takes `PART` of what samples and motors show away from
+    the moves that were fitted, and of what the motors show from the others, beyond what chance does for the best `of
+    all` effects; the model before, where none does, and whether it is `hinted` at by less."""
+    base, fits = before.model.fitted, list[Fitted]()
+    for candidate in candidates(base.model, kinds, ()):
+        few = [noted(one, base.moves) for one in valleys(scene, base, candidate)[:VALLEYS]]
+        fits += [jointly(carried(base, one, FIRST_ROUNDS)) for one in few]
+    if not fits:
+        return Selection(before, before, (), (), ())
+    present = jointly(replace(base, moves=unanswering(base.moves)))
+    nearest = min(fits, key=lambda f: f.rms_with_motors)
+    name, errors = nearest.model.effects[-1].name, (present.rms_with_motors, nearest.rms_with_motors)
+    tell(f"tried {name}: {errors[1]:.3f} with the motors (now {errors[0]:.3f})")
+    trial = trial_of(scene, jointly(nearest) if gone(*errors, PART) else nearest)
+    judged = judged_by_motors(name, errors, (before, trial), of_all)
+    names = (name,) if judged.accepted else ()
+    after = trial if judged.accepted else before
+    return Selection(
+        before, after, names, (judged,), (), witnessed=names, hinted=not names and gone(*errors, HINT)
+    )
+
+
+def judged_by_motors(
+    name: str,
+    errors: tuple[float, float],
+    trials: tuple[Trial[Explained], Trial[Explained]],
+    of_all: int,
+) -> Candidate:
+    """The judgement on an effect by what the motors say of the model without it and with it; `errors` are the RMS of
+    samples and motors in the moves that were fitted."""
+    before, after = trials
+    of_before, of_after = (as_heard_by_motors(trial) for trial in trials)
+    p_value = min(1.0, of_all * gain_p_value(of_before, of_after))
+    if not gone(*errors, PART):
+        why = "leaves the motors' equations of motion as they are"
+    elif not explained(of_before, of_after, PART):
+        why = "takes from the motors' equations of motion in the moves that were fitted only"
+    elif after.train_rms > LEFT:
+        why = "what the motors speak of, but it leaves too much of the moves that were fitted"
+    elif after.validation_rms > UNKNOWN_NUMBERS * max(1.0, before.validation_rms):
+        why = "what the motors speak of, but it raises the held-out error"
+    elif p_value >= LEVEL:
+        why = "gain within what chance does"
+    elif after.at_limits:
+        why = f"only with {', '.join(after.at_limits)} where no such effect is"
+    else:
+        why = "what the motors speak of, in the held-out moves, too"
+        return Candidate(name, after.held_rms, p_value, True, why)
+    return Candidate(name, after.held_rms, p_value, False, why)
+
+
+def as_heard_by_motors(trial: Trial[Explained]) -> Trial[Explained]:
+    """The trial with what is left of the motors' equations of motion in the held-out moves as its errors there, every
+    move in its own block."""
+    held = trial.model.held
+    left = of_moves(replace(trial.model.fitted, moves=(held.simulated,), at=held.at))
+    moves = [np.concatenate(of_move) for of_move in left]
+    errors = np.concatenate(moves)
+    return replace(
+        trial,
+        validation_rms=float(np.sqrt(np.mean(errors**2))),
+        validation_blocks=np.array([float(np.sum(move**2)) for move in moves]),
+        independent=independent_samples(errors),
+        doubt=1.0,
+    )

@@ -1,0 +1,104 @@
+"""What hides between motor and load, told by the motors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from service.identification import moves_hidden
+from service.identification.axis_explain import HIDDEN
+from service.identification.moves_hidden import as_heard_by_motors, hidden, judged_by_motors
+from service.identification.moves_motors import left_by_motors
+from service.identification.selection import Trial
+
+
+def trial(
+    by_motors: float, validation: float = 1.2, limits: tuple[str, ...] = (), moves: int = 10
+) -> Trial[Any]:
+    """A trial whose motors are left at so much in the held-out moves."""
+    blocks = np.full(moves, by_motors**2) * np.linspace(0.9, 1.1, moves)
+    return Trial("model", 1.0, validation, blocks, np.zeros(0), 100.0, at_limits=limits)
+
+
+def as_heard(one: Trial[Any]) -> Trial[Any]:
+    return replace(one, validation_rms=float(np.sqrt(np.mean(one.validation_blocks))))
+
+
+@pytest.mark.parametrize(
+    ("errors", "after", "why"),
+    [
+        ((3.0, 1.2), trial(1.5), "what the motors speak of, in the held-out moves, too"),
+        ((3.0, 2.9), trial(1.5), "leaves the motors' equations of motion as they are"),
+        (
+            (3.0, 1.2),
+            trial(3.9),
+            "takes from the motors' equations of motion in the moves that were fitted only",
+        ),
+        (
+            (3.0, 1.2),
+            replace(trial(1.5), train_rms=1.7),
+            "what the motors speak of, but it leaves too much of the moves that were fitted",
+        ),
+        ((3.0, 1.2), trial(1.5, 3.0), "what the motors speak of, but it raises the held-out error"),
+        ((3.0, 1.2), trial(1.5, 1.2, ("X1.clearance",)), "only with X1.clearance where no such effect is"),
+    ],
+)
+def test_the_motors_must_say_the_same_in_moves_that_were_not_fitted(
+    monkeypatch: pytest.MonkeyPatch, errors: tuple[float, float], after: Trial[Any], why: str
+) -> None:
+    monkeypatch.setattr(moves_hidden, "as_heard_by_motors", as_heard)
+    judged = judged_by_motors("gearbox_clearance", errors, (trial(4.0), after), 20)
+    assert judged.why == why
+    assert judged.accepted is (why == "what the motors speak of, in the held-out moves, too")
+
+
+def test_a_gain_that_few_samples_show_is_chance(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(moves_hidden, "as_heard_by_motors", as_heard)
+    noisy = replace(trial(4.0), validation_blocks=np.array([1.0, 60.0, 2.0]), independent=3.0)
+    after = replace(trial(2.0), validation_blocks=np.array([2.0, 9.0, 2.5]), independent=3.0)
+    judged = judged_by_motors("gearbox_clearance", (3.0, 1.2), (noisy, after), 20)
+    assert (judged.accepted, judged.why) == (False, "gain within what chance does")
+    assert judged.p_value > 0.01
+
+
+@pytest.mark.parametrize(
+    ("nearest", "names", "hinted"), [(1.2, ("gearbox_clearance",), False), (2.4, (), True), (2.9, (), False)]
+)
+def test_less_than_half_is_a_hint_and_next_to_nothing_none(
+    monkeypatch: pytest.MonkeyPatch, nearest: float, names: tuple[str, ...], hinted: bool
+) -> None:
+    """Of the fits in the best valleys the one counts that is nearest to samples and motors."""
+    effect = SimpleNamespace(name="gearbox_clearance")
+
+    def one(rms: float, *effects: Any) -> Any:
+        return SimpleNamespace(rms_with_motors=rms, moves=(), model=SimpleNamespace(effects=effects))
+
+    base = SimpleNamespace(model="model", moves=(), rms_with_motors=3.0)
+    fits = [one(2.95, effect), one(nearest, effect)]
+    before: Trial[Any] = replace(trial(4.0), model=SimpleNamespace(fitted=base))
+    monkeypatch.setattr(moves_hidden, "as_heard_by_motors", as_heard)
+    monkeypatch.setattr(moves_hidden, "candidates", lambda *_: ["candidate"])
+    monkeypatch.setattr(moves_hidden, "valleys", lambda *_: fits)
+    monkeypatch.setattr(moves_hidden, "noted", lambda found, _moves: found)
+    monkeypatch.setattr(moves_hidden, "carried", lambda _base, found, _rounds: found)
+    monkeypatch.setattr(moves_hidden, "jointly", lambda found: found)
+    monkeypatch.setattr(moves_hidden, "replace", lambda found, **_: found)
+    monkeypatch.setattr(moves_hidden, "trial_of", lambda _scene, _found: trial(1.5))
+    told: list[str] = []
+    found = hidden(cast(Any, None), before, HIDDEN, 20, told.append)
+    assert (found.effects, found.witnessed, found.hinted) == (names, names, hinted)
+    assert len(found.candidates) == 1
+    assert (found.after is before) is (not names)
+    assert len(told) == 1
+
+
+def test_the_held_out_motors_are_those_of_the_moves_as_they_were_predicted(found: Any) -> None:
+    explained = SimpleNamespace(fitted=found, held=SimpleNamespace(simulated=found.moves[0], at=found.at))
+    heard = as_heard_by_motors(Trial(cast(Any, explained), 1.0, 1.0, np.ones(5), np.zeros(0), 9.0))
+    assert heard.validation_rms == pytest.approx(left_by_motors(found)[0])
+    assert len(heard.validation_blocks) == len(found.moves[0].grids)
+    assert heard.independent > len(heard.validation_blocks)
