@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from service.backlash.moves_fit import Fitted, fit, reconstructed
+from service.backlash.moves_fit import Fitted, fit, reconstructed, values_at
 from service.dynamics.driven_model import DrivenEffect
 from service.identification.explanation import Candidate
 from service.identification.given_effects import LEFT
@@ -39,9 +39,12 @@ from service.identification.selection import (
 
 TURNS = 2
 """How often a fit with its motors asked and the reconstructed motion take turns (chosen)."""
-HINT = 0.25
-"""Share of what samples and motors show from which on something hides there, although no fit found it (chosen: of one
-gap, and of any other effect, a second one takes less than a fifth away)."""
+HINT = 1.0 / 3.0
+"""Share of what samples and motors show from which on something hides there, although no fit found it (chosen: of a
+machine with one gap, whatever else it has, a second one took at most 0.28 away)."""
+
+NO_GAP = 1e-6
+"""Width below which a gap is none [m] (chosen: what a backlash is wanted to)."""
 
 
 def jointly(found: Fitted) -> Fitted:
@@ -101,12 +104,21 @@ def judged_by_motors(
         why = "what the motors speak of, but it raises the held-out error"
     elif p_value >= LEVEL:
         why = "gain within what chance does"
-    elif after.at_limits:
-        why = f"only with {', '.join(after.at_limits)} where no such effect is"
+    elif nothing := (*after.at_limits, *closed(after.model.fitted)):
+        why = f"only with {', '.join(nothing)} where no such effect is"
     else:
         why = "what the motors speak of, in the held-out moves, too"
         return Candidate(name, after.held_rms, p_value, True, why)
     return Candidate(name, after.held_rms, p_value, False, why)
+
+
+def closed(found: Fitted) -> tuple[str, ...]:
+    """The gaps, by name, that are as good as closed: of what divides all play from none only one gap is left, and what
+    is moved behind it is no load, but for example a sensor that rings on its mount."""
+    values = values_at(found)
+    first, second = ([f"{axis}.{gap}" for axis in found.model.axes] for gap in ("backlash", "clearance"))
+    none = [name for name in first if values[name] < NO_GAP]
+    return (*none, *(second if all(values[name] < NO_GAP for name in second) else ()))
 
 
 def as_heard_by_motors(trial: Trial[Explained]) -> Trial[Explained]:

@@ -11,7 +11,7 @@ import pytest
 
 from service.identification import moves_hidden
 from service.identification.axis_explain import HIDDEN
-from service.identification.moves_hidden import as_heard_by_motors, hidden, judged_by_motors
+from service.identification.moves_hidden import as_heard_by_motors, closed, hidden, judged_by_motors
 from service.identification.moves_motors import left_by_motors
 from service.identification.selection import Trial
 
@@ -21,7 +21,9 @@ def trial(
 ) -> Trial[Any]:
     """A trial whose motors are left at so much in the held-out moves."""
     blocks = np.full(moves, by_motors**2) * np.linspace(0.9, 1.1, moves)
-    return Trial("model", 1.0, validation, blocks, np.zeros(0), 100.0, at_limits=limits)
+    return Trial(
+        SimpleNamespace(fitted="fitted"), 1.0, validation, blocks, np.zeros(0), 100.0, at_limits=limits
+    )
 
 
 def as_heard(one: Trial[Any]) -> Trial[Any]:
@@ -51,9 +53,33 @@ def test_the_motors_must_say_the_same_in_moves_that_were_not_fitted(
     monkeypatch: pytest.MonkeyPatch, errors: tuple[float, float], after: Trial[Any], why: str
 ) -> None:
     monkeypatch.setattr(moves_hidden, "as_heard_by_motors", as_heard)
+    monkeypatch.setattr(moves_hidden, "closed", lambda _fitted: ())
     judged = judged_by_motors("gearbox_clearance", errors, (trial(4.0), after), 20)
     assert judged.why == why
     assert judged.accepted is (why == "what the motors speak of, in the held-out moves, too")
+
+
+@pytest.mark.parametrize(
+    ("gaps", "none"),
+    [
+        ((60e-6, 10e-6), ()),
+        ((0.1e-6, 64e-6), ("X1.backlash",)),
+        ((60e-6, 0.2e-6), ("X1.clearance",)),
+    ],
+)
+def test_all_play_beside_none_is_one_gap(
+    monkeypatch: pytest.MonkeyPatch, gaps: tuple[float, float], none: tuple[str, ...]
+) -> None:
+    """A sensor that rang on its mount was a load behind a pinion that chattered in all of the play."""
+    values = dict(zip(("X1.backlash", "X1.clearance"), gaps, strict=True))
+    monkeypatch.setattr(moves_hidden, "values_at", lambda _found: values)
+    assert closed(cast(Any, SimpleNamespace(model=SimpleNamespace(axes=("X1",))))) == none
+
+
+def test_of_a_gantry_one_side_may_have_the_second_gap(monkeypatch: pytest.MonkeyPatch) -> None:
+    values = {"X1.backlash": 4e-5, "X2.backlash": 5e-5, "X1.clearance": 1e-5, "X2.clearance": 1e-8}
+    monkeypatch.setattr(moves_hidden, "values_at", lambda _found: values)
+    assert closed(cast(Any, SimpleNamespace(model=SimpleNamespace(axes=("X1", "X2"))))) == ()
 
 
 def test_a_gain_that_few_samples_show_is_chance(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -87,6 +113,7 @@ def test_less_than_half_is_a_hint_and_next_to_nothing_none(
     monkeypatch.setattr(moves_hidden, "carried", lambda _base, found, _rounds: found)
     monkeypatch.setattr(moves_hidden, "jointly", lambda found: found)
     monkeypatch.setattr(moves_hidden, "replace", lambda found, **_: found)
+    monkeypatch.setattr(moves_hidden, "closed", lambda _fitted: ())
     monkeypatch.setattr(moves_hidden, "trial_of", lambda _scene, _found: trial(1.5))
     told: list[str] = []
     found = hidden(cast(Any, None), before, HIDDEN, 20, told.append)
