@@ -12,7 +12,7 @@ from service.dynamics.effects.driven_library import DRIVEN
 from service.dynamics.effects.driven_sensors import DrivenBias
 from service.identification.axis_verdict import LEFT_BY_ONE, SMALL, verdict
 from service.identification.explanation import Accepted, AxisExplanation
-from service.identification.given_effects import as_accepted, names_of, with_effects_of
+from service.identification.given_effects import LEFT, as_accepted, names_of, with_effects_of
 from service.identification.held_out import DESCRIBED, SEARCHED, Explained, trial_of
 from service.identification.moves_end import ended, settled_present
 from service.identification.moves_hidden import hidden
@@ -85,7 +85,8 @@ def missing_in(
     scene: Scene, before: Trial[Explained], accepted: Sequence[str], tell: Callable[[str], None]
 ) -> Selection[Explained]:
     """What is missing in the model that is declared, or that was accepted. A zero that is seen to wander at rest is
-    asked for first, then what may be hidden, where the motors' equations of motion do not hold; where no torque was
+    asked for first, then what may be hidden, where the motors' equations of motion do not hold; it has its name if the
+    other moves are described with it, too, or if nothing else is found. Where no torque was
     recorded and only numbers may do it that are not known, nothing but that. What accepted effects leave is the next
     one's only where it is more than a law leaves that differs a little from the machine's, as after a first effect."""
     if scene.zero_wanders and DrivenBias.name not in accepted:
@@ -100,9 +101,11 @@ def missing_in(
     if by_motors > CONTRADICTED and before.train_rms < TOO_MUCH:
         tell(f"the motors' equations of motion leave {by_motors:.1f} of the noise")
         found = hidden(scene, before, HIDDEN, len(DRIVEN), tell)
-        if found.effects:
+        if found.effects and found.after.validation_rms <= LEFT:
             return found
         beside = searched(scene, before, tell, LIMITS, but=HIDDEN)
+        if found.effects and not beside.effects:
+            return found
         return replace(beside, candidates=beside.candidates + found.candidates, hinted=found.hinted)
     if shown(before) <= SEARCHED and before.validation_rms > DESCRIBED and not by_motors:
         return searched(scene, before, tell, OF_HIDDEN, first=HIDDEN)

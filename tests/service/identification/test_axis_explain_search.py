@@ -79,21 +79,36 @@ def test_a_second_gap_is_what_a_fit_may_hide() -> None:
     assert [kind.name for kind in HIDDEN] == ["gearbox_clearance"]
 
 
-@pytest.mark.parametrize(("names", "hinted"), [(("gearbox_clearance",), False), ((), True), ((), False)])
-def test_what_the_motors_speak_of_is_the_finding_and_a_hint_goes_on_with_what_else_is_found(
-    monkeypatch: pytest.MonkeyPatch, names: tuple[str, ...], hinted: bool
+@pytest.mark.parametrize(
+    ("names", "held_out", "others", "effects"),
+    [
+        (("gearbox_clearance",), 1.5, ("sensor_gain",), ("gearbox_clearance",)),
+        (("gearbox_clearance",), 1.7, (), ("gearbox_clearance",)),
+        (("gearbox_clearance",), 1.7, ("sensor_gain",), ("sensor_gain",)),
+        ((), 1.4, ("sensor_gain",), ("sensor_gain",)),
+        ((), 1.4, (), ()),
+    ],
+)
+def test_what_the_motors_speak_of_is_the_finding_if_it_describes_other_moves_or_nothing_else_is_found(
+    monkeypatch: pytest.MonkeyPatch,
+    names: tuple[str, ...],
+    held_out: float,
+    others: tuple[str, ...],
+    effects: tuple[str, ...],
 ) -> None:
     before = trial(1.1, 1.4)
     of_motors = Candidate("gearbox_clearance", 1.0, 0.1, bool(names), "by the motors")
-    by_motors = Selection(before, before, names, (of_motors,), (), witnessed=names, hinted=hinted)
-    other = Selection(before, before, (), (Candidate("sensor_gain", 1.0, 0.5),), ())
+    by_motors = Selection(
+        before, trial(1.0, held_out), names, (of_motors,), (), witnessed=names, hinted=not names
+    )
+    other = Selection(before, before, others, (Candidate("sensor_gain", 1.0, 0.5),), ())
     monkeypatch.setattr(axis_explain, "left_by_motors", lambda _fitted: np.array([5.0]))
     monkeypatch.setattr(axis_explain, "hidden", lambda *_: by_motors)
     monkeypatch.setattr(axis_explain, "searched", lambda *_, **__: other)
     scene: Any = SimpleNamespace(zero_wanders=False)
     found = missing_in(scene, before, (), lambda _text: None)
-    if names:
-        assert found is by_motors
-    else:
+    assert found.effects == effects
+    assert found.witnessed == (effects if effects == names else ())
+    if found is not by_motors:
         assert [c.effect for c in found.candidates] == ["sensor_gain", "gearbox_clearance"]
-        assert found.hinted is hinted
+        assert found.hinted is (not names)

@@ -11,7 +11,7 @@ import pytest
 
 from service.identification import moves_hidden
 from service.identification.axis_explain import HIDDEN
-from service.identification.moves_hidden import as_heard_by_motors, closed, hidden, judged_by_motors
+from service.identification.moves_hidden import Gain, as_heard_by_motors, closed, hidden, judged_by_motors
 from service.identification.moves_motors import left_by_motors
 from service.identification.selection import Trial
 
@@ -54,7 +54,7 @@ def test_the_motors_must_say_the_same_in_moves_that_were_not_fitted(
 ) -> None:
     monkeypatch.setattr(moves_hidden, "as_heard_by_motors", as_heard)
     monkeypatch.setattr(moves_hidden, "closed", lambda _fitted: ())
-    judged = judged_by_motors("gearbox_clearance", errors, (trial(4.0), after), 20)
+    judged = judged_by_motors("gearbox_clearance", Gain(errors, (5.0, 2.0)), (trial(4.0), after), 20)
     assert judged.why == why
     assert judged.accepted is (why == "what the motors speak of, in the held-out moves, too")
 
@@ -82,11 +82,24 @@ def test_of_a_gantry_one_side_may_have_the_second_gap(monkeypatch: pytest.Monkey
     assert closed(cast(Any, SimpleNamespace(model=SimpleNamespace(axes=("X1", "X2"))))) == ()
 
 
+@pytest.mark.parametrize(
+    ("of_motors", "held_out"), [((1.4, 1.3), 4.0), ((5.0, 2.0), 0.8)], ids=["fitted", "held out"]
+)
+def test_what_the_accelerometer_alone_gains_is_not_what_the_motors_speak_of(
+    monkeypatch: pytest.MonkeyPatch, of_motors: tuple[float, float], held_out: float
+) -> None:
+    """A bent contact was called a second gap: samples and motors together gained, and of the motors hardly anything."""
+    monkeypatch.setattr(moves_hidden, "as_heard_by_motors", as_heard)
+    gain, trials = Gain((1.7, 1.2), of_motors), (trial(held_out), trial(0.7 * held_out))
+    judged = judged_by_motors("gearbox_clearance", gain, trials, 20)
+    assert (judged.accepted, judged.why) == (False, "leaves the motors' equations of motion as they are")
+
+
 def test_a_gain_that_few_samples_show_is_chance(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(moves_hidden, "as_heard_by_motors", as_heard)
     noisy = replace(trial(4.0), validation_blocks=np.array([1.0, 60.0, 2.0]), independent=3.0)
     after = replace(trial(2.0), validation_blocks=np.array([2.0, 9.0, 2.5]), independent=3.0)
-    judged = judged_by_motors("gearbox_clearance", (3.0, 1.2), (noisy, after), 20)
+    judged = judged_by_motors("gearbox_clearance", Gain((3.0, 1.2), (5.0, 2.0)), (noisy, after), 20)
     assert (judged.accepted, judged.why) == (False, "gain within what chance does")
     assert judged.p_value > 0.01
 
@@ -101,9 +114,12 @@ def test_less_than_half_is_a_hint_and_next_to_nothing_none(
     effect = SimpleNamespace(name="gearbox_clearance")
 
     def one(rms: float, *effects: Any) -> Any:
-        return SimpleNamespace(rms_with_motors=rms, moves=(), model=SimpleNamespace(effects=effects))
+        left = np.array([2.0 * rms])
+        return SimpleNamespace(
+            rms_with_motors=rms, motors=left, moves=(), model=SimpleNamespace(effects=effects)
+        )
 
-    base = SimpleNamespace(model="model", moves=(), rms_with_motors=3.0)
+    base = one(3.0)
     fits = [one(2.95, effect), one(nearest, effect)]
     before: Trial[Any] = replace(trial(4.0), model=SimpleNamespace(fitted=base))
     monkeypatch.setattr(moves_hidden, "as_heard_by_motors", as_heard)
