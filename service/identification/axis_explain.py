@@ -86,9 +86,9 @@ def missing_in(
 ) -> Selection[Explained]:
     """What is missing in the model that is declared, or that was accepted. A zero that is seen to wander at rest is
     asked for first, then what may be hidden, where the motors' equations of motion do not hold; it has its name if the
-    other moves are described with it, too, or if nothing else is found. Where no torque was
-    recorded and only numbers may do it that are not known, nothing but that. What accepted effects leave is the next
-    one's only where it is more than a law leaves that differs a little from the machine's, as after a first effect."""
+    other moves are described with it, too, or if nothing else is found. Where no torque was recorded and only numbers
+    may do it that are not known, nothing but that. What accepted effects leave is the next one's only where it is more
+    than a law leaves that differs a little from the machine's, as after a first effect."""
     if scene.zero_wanders and DrivenBias.name not in accepted:
         tell("the accelerometer's zero wanders while the axis rests")
         found = searched(scene, before, tell, LIMITS, first=(DrivenBias,))
@@ -103,7 +103,7 @@ def missing_in(
         found = hidden(scene, before, HIDDEN, len(DRIVEN), tell)
         if found.effects and found.after.validation_rms <= LEFT:
             return found
-        beside = searched(scene, before, tell, LIMITS, but=HIDDEN)
+        beside = searched(scene, before, tell, LIMITS, but=HIDDEN if found.candidates else ())
         if found.effects and not beside.effects:
             return found
         return replace(beside, candidates=beside.candidates + found.candidates, hinted=found.hinted)

@@ -139,13 +139,14 @@ def finding_of(
     that were fitted are described with it, however far from the others a chain is that is not known well. A model that
     leaves no more than `sound` may lack nothing, and one that leaves a little more only impurities, if nothing that is
     tried in their place changes the backlash, and if its channels need not be apart in time, and no law that no such
-    effect has explains what is missing.
+    effect has explains what is missing, and no other channel hints at it. What another channel is the witness of has
+    been judged by that.
     """
     before, after, effects = selection.before, selection.after, selection.effects
-    sound = max(sound, SMALL) if _undisputed(selection) else sound
-    sound_enough = _little(before) and left(after) <= sound and _in_time(before)
     if effects and effects == selection.witnessed:
         return "effect", effects
+    sound = max(sound, SMALL) if _undisputed(selection) else sound
+    sound_enough = _little(before) and left(after) <= sound and _in_time(before)
     of_library = not (selection.hinted or _of_no_library(selection))
     nothing: Finding = "none" if sound_enough and of_library else "unknown"
     if not effects or (_little(before) and _common_suffices(selection)):

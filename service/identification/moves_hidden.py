@@ -41,9 +41,7 @@ from service.identification.selection import (
 TURNS = 2
 """How often a fit with its motors asked and the reconstructed motion take turns (chosen)."""
 HINT = 1.0 / 3.0
-"""Share of what samples and motors show from which on something hides there, although no fit found it (chosen: of
-machines with one gap and another effect of the library a second gap took at most 0.17 away; of a sensor that rings and
-a shaft that creeps, which no library has, more)."""
+"""Share of what samples and motors show from which on something hides there, although no fit found it (chosen)."""
 CONTRADICTED_TOO = 2.0
 """What the model before must leave of the motors' equations of motion in the moves that were not fitted (chosen)."""
 NO_GAP = 1e-6
@@ -65,9 +63,13 @@ def hidden(
     tell: Callable[[str], None],
 ) -> Selection[Explained]:
     """What of these `kinds` hides between motor and load, if it takes `PART` of what samples and motors show away from
-    the moves that were fitted, and of what the motors show from the others, beyond what chance does for the best `of
-    all` effects; the model before, where none does, and whether it is `hinted` at by less."""
+    the moves that were fitted, and of what the motors show from the others, beyond what chance does for the best
+    `of_all` effects; the model before, where none does, and whether it is `hinted` at by less. Nothing is judged where
+    the motors are not heard in the others."""
     base, fits = before.model.fitted, list[Fitted]()
+    heard = as_heard_by_motors(before)
+    if not heard.validation_rms:
+        return Selection(before, before, (), (), ())
     for candidate in candidates(base.model, kinds, ()):
         few = [noted(one, base.moves) for one in valleys(scene, base, candidate)[:VALLEYS]]
         fits += [jointly(carried(base, one, FIRST_ROUNDS)) for one in few]
@@ -78,10 +80,10 @@ def hidden(
     name, gain = nearest.model.effects[-1].name, Gain.of(present, nearest)
     tell(f"tried {name}: {gain.together[1]:.3f} with the motors (now {gain.together[0]:.3f})")
     trial = trial_of(scene, jointly(nearest) if gain.is_of(PART) else nearest)
-    judged = judged_by_motors(name, gain, (before, trial), of_all)
+    judged = judged_by_motors(name, gain, (before, trial), (heard, as_heard_by_motors(trial)), of_all)
     names = (name,) if judged.accepted else ()
     after = trial if judged.accepted else before
-    hinted = not names and gain.is_of(HINT) and as_heard_by_motors(before).validation_rms > CONTRADICTED_TOO
+    hinted = not names and gain.is_of(HINT) and heard.validation_rms > CONTRADICTED_TOO
     return Selection(before, after, names, (judged,), (), witnessed=names, hinted=hinted)
 
 
@@ -107,11 +109,11 @@ def judged_by_motors(
     name: str,
     gain: Gain,
     trials: tuple[Trial[Explained], Trial[Explained]],
+    heard: tuple[Trial[Explained], Trial[Explained]],
     of_all: int,
 ) -> Candidate:
-    """The judgement on an effect by what the motors say of the model without it and with it."""
-    before, after = trials
-    of_before, of_after = (as_heard_by_motors(trial) for trial in trials)
+    """The judgement on an effect by the trials of the model without it and with it, and as the motors hear them."""
+    (before, after), (of_before, of_after) = trials, heard
     p_value = min(1.0, of_all * gain_p_value(of_before, of_after))
     if not (gain.is_of(PART) and of_before.validation_rms > CONTRADICTED_TOO):
         why = "leaves the motors' equations of motion as they are"
@@ -142,9 +144,11 @@ def closed(found: Fitted) -> tuple[str, ...]:
 
 def as_heard_by_motors(trial: Trial[Explained]) -> Trial[Explained]:
     """The trial with what is left of the motors' equations of motion in the held-out moves as its errors there, every
-    move in its own block."""
+    move in its own block; an error of 0 where no torque was recorded in them."""
     held = trial.model.held
     left = of_moves(replace(trial.model.fitted, moves=(held.simulated,), at=held.at))
+    if not left:
+        return replace(trial, validation_rms=0.0, validation_blocks=np.zeros(0), independent=0.0, doubt=1.0)
     moves = [np.concatenate(of_move) for of_move in left]
     errors = np.concatenate(moves)
     return replace(

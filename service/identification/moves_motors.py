@@ -37,8 +37,3 @@ def while_moving(rows: MotorRows, force: FloatArray) -> FloatArray:
     moving = rows.weight > 0.0
     free = np.maximum(np.sum(moving) - OWN, 1)
     return np.asarray(rows.of(force[None])[0][moving] * np.sqrt(np.sum(moving) / free))
-
-
-def contradicted(found: Fitted) -> bool:
-    """Whether a motor's equation of motion does not hold with the force of a fit."""
-    return bool(np.max(left_by_motors(found)) > CONTRADICTED)

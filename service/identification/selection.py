@@ -8,7 +8,7 @@ the gain over all held-out blocks is significant after multiplication by the num
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -179,7 +179,6 @@ class Limits:
         it the search ends with an effect that is ``explained`` by itself and leaves no more than ``last``, and where no
         ``most`` effects can explain everything
     sole : RMS in the moves that were fitted from which on the ``sole_fit`` need remove no material share
-    shares : the share that a first effect must remove, by name, of which there is other evidence
     """
 
     material: float = MATERIAL
@@ -188,7 +187,6 @@ class Limits:
     last: float = np.inf
     most: int = MAX_EFFECTS
     sole: float = np.inf
-    shares: Mapping[str, float] = field(default_factory=dict)
 
     def of_next(self, taken: Sequence[str]) -> tuple[float, float]:
         """``material`` and ``enough`` for the effect after those that were taken."""
@@ -254,8 +252,7 @@ def select(
         first, tried = (first, tried) if taken else (present, tuple(trials.values()))
         if missing(present) <= enough:
             break
-        shares = dict.fromkeys(trials, material) | ({} if taken else dict(limits.shares))
-        judged = _judged(present, trials, shares, limits.sole)
+        judged = _judged(present, trials, material, limits.sole)
         accepted = [name for name, candidate in judged.items() if candidate.accepted]
         passed = _without_containing(accepted, trials, contains, limits.of_containing)
         log = [candidate for candidate in log if candidate.effect not in judged]
@@ -330,12 +327,12 @@ def _only(best: str, candidate: Candidate) -> Candidate:
 
 
 def _judged(
-    present: Trial[ModelT], trials: Mapping[str, Trial[ModelT]], shares: Mapping[str, float], sole: float
+    present: Trial[ModelT], trials: Mapping[str, Trial[ModelT]], material: float, sole: float
 ) -> dict[str, Candidate]:
-    """All candidates of a round, each with the share that it must remove; the ``sole_fit`` has only to gain at all."""
+    """All candidates of a round, which must remove a `material` share; the ``sole_fit`` has only to gain at all."""
     only = sole_fit(present, trials, sole)
     return {
-        name: _judge(name, present, trial, len(trials), 0.0 if name == only else shares[name])
+        name: _judge(name, present, trial, len(trials), 0.0 if name == only else material)
         for name, trial in trials.items()
     }
 

@@ -64,7 +64,7 @@ def test_beyond_what_is_accepted_only_more_than_a_law_leaves_is_searched(
 
     def hidden(_scene: Any, before: Trial[Any], *_: Any) -> Selection[Any]:
         said.append("motors")
-        return Selection(before, before, (), (), ())
+        return Selection(before, before, (), (Candidate("gearbox_clearance", 1.0, 1.0),), ())
 
     monkeypatch.setattr(axis_explain, "searched", searched)
     monkeypatch.setattr(axis_explain, "hidden", hidden)
@@ -73,6 +73,23 @@ def test_beyond_what_is_accepted_only_more_than_a_law_leaves_is_searched(
     found = missing_in(scene, trial(*errors), accepted, lambda _text: None)
     assert said == asked
     assert found.effects == ()
+
+
+def test_where_the_held_out_moves_have_no_torque_what_may_be_hidden_is_searched_with_all_else(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    before, left_out = trial(1.1, 1.4), []
+
+    def searched(_scene: Any, before: Trial[Any], *_: Any, but: Any = ()) -> Selection[Any]:
+        left_out.append(but)
+        return Selection(before, before, (), (), ())
+
+    monkeypatch.setattr(axis_explain, "left_by_motors", lambda _fitted: np.array([5.0]))
+    monkeypatch.setattr(axis_explain, "hidden", lambda *_: Selection(before, before, (), (), ()))
+    monkeypatch.setattr(axis_explain, "searched", searched)
+    scene: Any = SimpleNamespace(zero_wanders=False)
+    assert missing_in(scene, before, (), lambda _text: None).effects == ()
+    assert left_out == [()]
 
 
 def test_a_second_gap_is_what_a_fit_may_hide() -> None:

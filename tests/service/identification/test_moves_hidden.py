@@ -52,9 +52,10 @@ def as_heard(one: Trial[Any]) -> Trial[Any]:
 def test_the_motors_must_say_the_same_in_moves_that_were_not_fitted(
     monkeypatch: pytest.MonkeyPatch, errors: tuple[float, float], after: Trial[Any], why: str
 ) -> None:
-    monkeypatch.setattr(moves_hidden, "as_heard_by_motors", as_heard)
     monkeypatch.setattr(moves_hidden, "closed", lambda _fitted: ())
-    judged = judged_by_motors("gearbox_clearance", Gain(errors, (5.0, 2.0)), (trial(4.0), after), 20)
+    trials = (trial(4.0), after)
+    heard = (as_heard(trials[0]), as_heard(after))
+    judged = judged_by_motors("gearbox_clearance", Gain(errors, (5.0, 2.0)), trials, heard, 20)
     assert judged.why == why
     assert judged.accepted is (why == "what the motors speak of, in the held-out moves, too")
 
@@ -89,17 +90,19 @@ def test_what_the_accelerometer_alone_gains_is_not_what_the_motors_speak_of(
     monkeypatch: pytest.MonkeyPatch, of_motors: tuple[float, float], held_out: float
 ) -> None:
     """A bent contact was called a second gap: samples and motors together gained, and of the motors hardly anything."""
-    monkeypatch.setattr(moves_hidden, "as_heard_by_motors", as_heard)
+    monkeypatch.setattr(moves_hidden, "closed", lambda _fitted: ())
     gain, trials = Gain((1.7, 1.2), of_motors), (trial(held_out), trial(0.7 * held_out))
-    judged = judged_by_motors("gearbox_clearance", gain, trials, 20)
+    heard = (as_heard(trials[0]), as_heard(trials[1]))
+    judged = judged_by_motors("gearbox_clearance", gain, trials, heard, 20)
     assert (judged.accepted, judged.why) == (False, "leaves the motors' equations of motion as they are")
 
 
 def test_a_gain_that_few_samples_show_is_chance(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(moves_hidden, "as_heard_by_motors", as_heard)
+    monkeypatch.setattr(moves_hidden, "closed", lambda _fitted: ())
     noisy = replace(trial(4.0), validation_blocks=np.array([1.0, 60.0, 2.0]), independent=3.0)
     after = replace(trial(2.0), validation_blocks=np.array([2.0, 9.0, 2.5]), independent=3.0)
-    judged = judged_by_motors("gearbox_clearance", Gain((3.0, 1.2), (5.0, 2.0)), (noisy, after), 20)
+    heard = (as_heard(noisy), as_heard(after))
+    judged = judged_by_motors("gearbox_clearance", Gain((3.0, 1.2), (5.0, 2.0)), (noisy, after), heard, 20)
     assert (judged.accepted, judged.why) == (False, "gain within what chance does")
     assert judged.p_value > 0.01
 
@@ -140,8 +143,22 @@ def test_less_than_half_is_a_hint_and_next_to_nothing_none(
 
 
 def test_the_held_out_motors_are_those_of_the_moves_as_they_were_predicted(found: Any) -> None:
-    explained = SimpleNamespace(fitted=found, held=SimpleNamespace(simulated=found.moves[0], at=found.at))
+    explained: Any = SimpleNamespace(
+        fitted=found, held=SimpleNamespace(simulated=found.moves[0], at=found.at)
+    )
     heard = as_heard_by_motors(Trial(cast(Any, explained), 1.0, 1.0, np.ones(5), np.zeros(0), 9.0))
     assert heard.validation_rms == pytest.approx(left_by_motors(found)[0])
     assert len(heard.validation_blocks) == len(found.moves[0].grids)
     assert heard.independent > len(heard.validation_blocks)
+
+
+def test_nothing_is_judged_where_the_held_out_moves_have_no_torque(found: Any) -> None:
+    """Their drive did not map it, although that of the train moves did."""
+    recording = found.moves[0].recording
+    traces = {key: trace for key, trace in recording.traces.items() if key[1] != "motor_torque"}
+    silent = replace(found.moves[0], recording=replace(recording, traces=traces))
+    explained: Any = SimpleNamespace(fitted=found, held=SimpleNamespace(simulated=silent, at=found.at))
+    before: Trial[Any] = Trial(explained, 1.0, 1.0, np.ones(5), np.zeros(0), 9.0)
+    assert as_heard_by_motors(before).validation_rms == 0.0
+    selection = hidden(cast(Any, None), before, HIDDEN, 20, lambda _text: None)
+    assert (selection.effects, selection.candidates, selection.hinted) == ((), (), False)

@@ -253,21 +253,3 @@ def test_one_that_alone_describes_what_was_fitted_need_not_gain_much_elsewhere(
         present, lambda _present, taken: {} if taken else worse, limits=Limits(0.1, most=1, sole=1.6)
     )
     assert found.effects == (), "not if it harms what was not fitted"
-
-
-def test_a_first_effect_with_other_evidence_need_remove_less() -> None:
-    before = trial(1.0, 0)
-    found = {"seen": trial(0.93, 0), "other": trial(0.92, 0)}
-
-    def propose(_present: Trial[str], taken: tuple[str, ...]) -> dict[str, Trial[str]]:
-        return {name: one for name, one in found.items() if name not in taken}
-
-    assert select(before, propose, limits=Limits(0.1)).effects == ()
-    assert select(before, propose, limits=Limits(0.1, shares={"seen": 0.05})).effects == ("seen",)
-    second = {"first": trial(0.5, 0), "seen": trial(0.47, 0)}
-    kept = select(
-        before,
-        lambda _present, taken: {"seen": second["seen"]} if taken else {"first": second["first"]},
-        limits=Limits(0.1, shares={"seen": 0.05}),
-    )
-    assert kept.effects == ("first",), "there is other evidence of a first one only"
