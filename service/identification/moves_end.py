@@ -34,7 +34,7 @@ from service.identification.moves_starts import (
     speeds_first,
 )
 from service.identification.scene import Scene
-from service.identification.selection import Trial
+from service.identification.selection import UNKNOWN_NUMBERS, Trial
 
 MORE, GAIN = 3, 0.005
 """How often a fit of what swings is continued, each time with the swings that it leaves, and the share of its RMS that
@@ -51,6 +51,8 @@ CORNER = ("turnover_speed", "turnover_spread", "damping_ratio", *TOLERANCES)
 """Numbers in a corner that a fit is led out of by the loads' speeds; the guide's friction is kept."""
 RIDGE = 0.995
 """RMS, over that of a fit, from which on another valley is a better one (chosen)."""
+FURTHER = 3
+"""How often a fit that may be the right one is led over further ridges at most (chosen)."""
 OF_PINION = 1.0 / 3.0
 """Share of a drive's mass that is begun with as the pinion's (chosen; the fit finds it)."""
 SOUND = 2.0
@@ -87,6 +89,19 @@ def settled_present(found: Fitted, rounds: int) -> Fitted:
     on = fit(reconstructed(found), found.model, found.at, rounds)
     on = over_ridges(on) if on.rms > SOUND else on
     return on if on.rms > SOUND else followed(on, rounds)
+
+
+def led_on(found: Fitted) -> Fitted:
+    """A fit that may be the right one and yet leaves more than noise, over further ridges and followed from there as
+    long as that is nearer: what lies near a valley is searched, and the right one may lie behind the next."""
+    for _ in range(FURTHER):
+        if not UNKNOWN_NUMBERS <= found.rms < HOPELESS:
+            break
+        on = over_ridges(found)
+        if on.rms > RIDGE * found.rms:
+            break
+        found = min(found, followed(on, ROUNDS), key=lambda f: f.rms)
+    return found
 
 
 def followed(on: Fitted, rounds: int) -> Fitted:

@@ -9,22 +9,33 @@ those that were not.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
+from service.backlash.moves_begun import Values
 from service.backlash.moves_fit import Fitted, fit, reconstructed, values_at
 from service.dynamics.driven_model import DrivenEffect
 from service.identification.explanation import Candidate
 from service.identification.given_effects import LEFT
-from service.identification.held_out import Explained, trial_of
+from service.identification.held_out import DESCRIBED, Explained, trial_of
+from service.identification.moves_end import RIDGE
 from service.identification.moves_looks import VALLEYS, noted
 from service.identification.moves_motors import of_moves
 from service.identification.moves_search import FIRST_ROUNDS, carried
-from service.identification.moves_starts import ROUNDS, candidates, unanswering
-from service.identification.moves_valleys import valleys
+from service.identification.moves_starts import (
+    BRIEF,
+    ROUNDS,
+    begun_at,
+    candidates,
+    fitted_from,
+    own_of_few,
+    softer_contact,
+    unanswering,
+)
+from service.identification.moves_valleys import asked, valleys
 from service.identification.scene import Scene
 from service.identification.selection import (
     LEVEL,
@@ -40,6 +51,10 @@ from service.identification.selection import (
 
 TURNS = 2
 """How often a fit with its motors asked and the reconstructed motion take turns (chosen)."""
+SHARES, NEAR_BY = np.linspace(0.05, 0.95, 19), np.array([0.02, 0.04, 0.08])
+"""Shares of all play with which the backlash is begun, and how far from the one that is reached afterwards (chosen)."""
+DIVIDED, FOLLOWED = 6, 3
+"""How often at most a fit is begun with its play otherwise divided, and how many of those are fitted to all moves."""
 HINT = 1.0 / 3.0
 """Share of what samples and motors show from which on something hides there, although no fit found it (chosen)."""
 CONTRADICTED_TOO = 2.0
@@ -53,6 +68,38 @@ def jointly(found: Fitted) -> Fitted:
     for _ in range(TURNS):
         found = fit(reconstructed(found, asked=True, by_noise=True), found.model, found.at, ROUNDS)
     return found
+
+
+def otherwise_divided(found: Fitted) -> Fitted:
+    """The fit, or the nearest that begins with its play otherwise divided between the two gaps, by samples and motors
+    together, then from near by, as long as that is nearer: a few moves choose where all are fitted."""
+    for turn in range(DIVIDED):
+        if found.rms_with_motors < DESCRIBED:
+            break
+        few, own = asked(found), (own_of_few(found),)
+        begun = (begun_at(few, found.model, values, own) for values in divisions(found, near_by=turn > 0))
+        best = sorted((fit(few, found.model, at, BRIEF) for at in begun), key=lambda f: f.rms_with_motors)
+        starts = (fitted_from(found, values_at(one), BRIEF) for one in best[:FOLLOWED])
+        before, found = found, min([found, *map(jointly, starts)], key=lambda f: f.rms_with_motors)
+        if found.rms_with_motors > RIDGE * before.rms_with_motors:
+            break
+    return found
+
+
+def divisions(found: Fitted, near_by: bool) -> Iterator[Values]:
+    """The values of a fit with all play otherwise divided, somewhat or from end to end, with its chain and with shaft
+    and contact exchanged if the contact is the stiffer one."""
+    present = values_at(found)
+    gaps = [(f"{axis}.backlash", f"{axis}.clearance") for axis in found.model.axes]
+    both = [present[first] + present[second] for first, second in gaps]
+    now = sum(present[first] for first, _ in gaps) / sum(both)
+    shares = now + np.concatenate((-NEAR_BY, NEAR_BY)) if near_by else SHARES
+    for values in filter(None, (present, softer_contact(present, found.model))):
+        for share in np.clip(shares, SHARES[0], SHARES[-1]):
+            divided = dict(values)
+            for (first, second), play in zip(gaps, both, strict=True):
+                divided |= {first: share * play, second: (1.0 - share) * play}
+            yield divided
 
 
 def hidden(
@@ -78,6 +125,9 @@ def hidden(
     present = jointly(replace(base, moves=unanswering(base.moves)))
     nearest = min(fits, key=lambda f: f.rms_with_motors)
     name, gain = nearest.model.effects[-1].name, Gain.of(present, nearest)
+    if gain.is_of(HINT):
+        nearest = otherwise_divided(nearest)
+        gain = Gain.of(present, nearest)
     tell(f"tried {name}: {gain.together[1]:.3f} with the motors (now {gain.together[0]:.3f})")
     trial = trial_of(scene, jointly(nearest) if gain.is_of(PART) else nearest)
     judged = judged_by_motors(name, gain, (before, trial), (heard, as_heard_by_motors(trial)), of_all)

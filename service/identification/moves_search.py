@@ -29,6 +29,7 @@ from service.identification.moves_end import (
     HOPELESS,
     SOUND,
     ended,
+    led_on,
     settled,
     with_own_errors,
 )
@@ -227,9 +228,9 @@ def begun_again(
 
 def finished(scene: Scene, trials: Mapping[str, Trial[Explained]]) -> dict[str, Trial[Explained]]:
     """The trials, those of the finalists with the motor's motion reconstructed from them, and ended if they are near;
-    what swings comes last, and only if it is not far behind; where none is anywhere near, the nearest alone. What comes
-    closest to the moves that it was fitted to, and describes them, is ended even if it describes the others not much
-    worse: it may be the right one."""
+    what swings comes last, and only if it is not far behind; where none is anywhere near, the nearest alone. The
+    nearest is led on over further ridges before any is ended. What comes closest to the moves that it was fitted to,
+    and describes them, is ended even if it describes the others not much worse: it may be the right one."""
     out, done = dict(trials), list[str]()
     last = finalists(trials)
     if min(trials[name].train_rms for name in last) > FAR_OFF * HOPELESS:
@@ -239,6 +240,8 @@ def finished(scene: Scene, trials: Mapping[str, Trial[Explained]]) -> dict[str, 
         if nearest > ENDED or out[name].train_rms < BEHIND * nearest:
             out[name] = trial_of(scene, settled(with_own_errors(out[name].model.fitted), ROUNDS))
             done.append(name)
+    name = min(done, key=lambda name: out[name].train_rms)
+    out[name] = led_further(scene, out[name])
     sound = [name for name in done if not out[name].at_limits]
     near = leading({name: distance(out[name]) for name in sound}, FINALISTS)
     first = min(done, key=lambda name: distance(out[name]))
@@ -249,6 +252,12 @@ def finished(scene: Scene, trials: Mapping[str, Trial[Explained]]) -> dict[str, 
     if inner_suffices(closest, out):
         return out
     return out | {closest: to_the_end(scene, out[closest], DESCRIBED, AS_WELL)}
+
+
+def led_further(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
+    """The trial, or one of its fit led on."""
+    further = led_on(trial.model.fitted)
+    return trial if further is trial.model.fitted else trial_of(scene, further)
 
 
 def inner_suffices(name: str, trials: Mapping[str, Trial[Explained]]) -> bool:

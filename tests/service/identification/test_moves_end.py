@@ -96,6 +96,29 @@ def test_a_declared_model_that_lacks_something_is_looked_for_elsewhere_and_not_f
 
 
 @pytest.mark.parametrize(
+    ("rms", "nearer", "asked", "reached"),
+    [
+        (1.2, 0.5, 0, 1.2),
+        (1.9, 0.5, 1, 0.95),
+        (1.9, 0.999, 1, 1.9),
+        (3.0, 0.9, 3, 3.0 * 0.9**3),
+        (4.5, 0.5, 0, 4.5),
+    ],
+)
+def test_a_fit_that_may_be_the_right_one_and_leaves_too_much_is_led_over_further_ridges(
+    monkeypatch: Any, rms: float, nearer: float, asked: int, reached: float
+) -> None:
+    """As often as that is nearer, three times at most, and followed each time."""
+    over: list[float] = []
+    later: list[float] = []
+    monkeypatch.setattr(moves_end, "over_ridges", lambda f: over.append(f.rms) or stub(nearer * f.rms))
+    monkeypatch.setattr(moves_end, "followed", lambda f, _rounds: later.append(f.rms) or f)
+    assert moves_end.led_on(stub(rms)).rms == pytest.approx(reached)
+    assert len(over) == asked
+    assert len(later) == (asked if reached < rms else 0)
+
+
+@pytest.mark.parametrize(
     ("mass", "rms", "again", "kept"),
     [(5.0, 1.8, 1.1, 1.1), (5.0, 1.8, 1.9, 1.8), (5.0, 1.0, 0.9, 1.0), (3.0, 1.8, 1.1, 1.8)],
 )

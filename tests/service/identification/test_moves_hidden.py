@@ -11,7 +11,15 @@ import pytest
 
 from service.identification import moves_hidden
 from service.identification.axis_explain import HIDDEN
-from service.identification.moves_hidden import Gain, as_heard_by_motors, closed, hidden, judged_by_motors
+from service.identification.moves_hidden import (
+    Gain,
+    as_heard_by_motors,
+    closed,
+    divisions,
+    hidden,
+    judged_by_motors,
+    otherwise_divided,
+)
 from service.identification.moves_motors import left_by_motors
 from service.identification.selection import Trial
 
@@ -131,6 +139,10 @@ def test_less_than_half_is_a_hint_and_next_to_nothing_none(
     monkeypatch.setattr(moves_hidden, "noted", lambda found, _moves: found)
     monkeypatch.setattr(moves_hidden, "carried", lambda _base, found, _rounds: found)
     monkeypatch.setattr(moves_hidden, "jointly", lambda found: found)
+    divided: list[float] = []
+    monkeypatch.setattr(
+        moves_hidden, "otherwise_divided", lambda found: divided.append(found.rms_with_motors) or found
+    )
     monkeypatch.setattr(moves_hidden, "replace", lambda found, **_: found)
     monkeypatch.setattr(moves_hidden, "closed", lambda _fitted: ())
     monkeypatch.setattr(moves_hidden, "trial_of", lambda _scene, _found: trial(1.5))
@@ -140,6 +152,62 @@ def test_less_than_half_is_a_hint_and_next_to_nothing_none(
     assert len(found.candidates) == 1
     assert (found.after is before) is (not names)
     assert len(told) == 1
+    assert divided == [nearest] * (bool(names) or hinted), "what is next to nothing is not worth the time"
+
+
+def two_gaps(backlash: float, clearance: float, rms: float = 2.0, contact: float = 1e6) -> Any:
+    """A fit of two gaps in one axis."""
+    values = {
+        "X1.backlash": backlash,
+        "X1.clearance": clearance,
+        "X1.pinion_stiffness": 2e6,
+        "X1.contact_stiffness": contact,
+    }
+    model = SimpleNamespace(axes=("X1",), lumps=2)
+    return SimpleNamespace(values=values, model=model, rms_with_motors=rms)
+
+
+@pytest.mark.parametrize(("contact", "chains"), [(1e6, 1), (5e6, 2)])
+@pytest.mark.parametrize("near_by", [False, True])
+def test_all_play_is_divided_from_end_to_end_and_then_near_by(
+    monkeypatch: pytest.MonkeyPatch, contact: float, chains: int, near_by: bool
+) -> None:
+    monkeypatch.setattr(moves_hidden, "values_at", lambda found: found.values)
+    begun = list(divisions(two_gaps(80e-6, 20e-6, contact=contact), near_by))
+    shares = [one["X1.backlash"] / 100e-6 for one in begun]
+    assert [one["X1.backlash"] + one["X1.clearance"] for one in begun] == pytest.approx([100e-6] * len(begun))
+    assert len(begun) == chains * (6 if near_by else 19)
+    spread = (0.72, 0.88) if near_by else (0.05, 0.95)
+    assert (min(shares), max(shares)) == pytest.approx(spread)
+    assert {one["X1.contact_stiffness"] for one in begun} == ({1e6} if chains == 1 else {5e6, 2e6})
+
+
+@pytest.mark.parametrize(("rms", "turns"), [(2.0, 2), (1.1, 0)])
+def test_play_is_divided_otherwise_as_long_as_that_is_nearer(
+    monkeypatch: pytest.MonkeyPatch, rms: float, turns: int
+) -> None:
+    """The few moves choose three starts, all moves and their motors one of these; the second time near by."""
+    asked_for: list[bool] = []
+
+    def begun(_found: Any, near_by: bool) -> list[float]:
+        asked_for.append(near_by)
+        return [1.9, 1.3, 1.7, 1.2]
+
+    monkeypatch.setattr(moves_hidden, "divisions", begun)
+    monkeypatch.setattr(moves_hidden, "asked", lambda _found: ())
+    monkeypatch.setattr(moves_hidden, "own_of_few", lambda _found: ())
+    monkeypatch.setattr(moves_hidden, "begun_at", lambda _few, _model, values, _own: values)
+    monkeypatch.setattr(moves_hidden, "fit", lambda _few, _model, at, _rounds: two_gaps(0.0, 0.0, at))
+    monkeypatch.setattr(moves_hidden, "values_at", lambda found: found.rms_with_motors)
+    carried: list[float] = []
+    monkeypatch.setattr(
+        moves_hidden, "fitted_from", lambda _found, values, _rounds: carried.append(values) or values
+    )
+    on_all = {1.2: 1.6, 1.3: 1.5, 1.7: 1.8}
+    monkeypatch.setattr(moves_hidden, "jointly", lambda begun: two_gaps(0.0, 0.0, on_all[begun]))
+    assert otherwise_divided(two_gaps(0.0, 0.0, rms)).rms_with_motors == (1.5 if turns else rms)
+    assert asked_for == [False, True][:turns]
+    assert carried == [1.2, 1.3, 1.7] * turns
 
 
 def test_the_held_out_motors_are_those_of_the_moves_as_they_were_predicted(found: Any) -> None:

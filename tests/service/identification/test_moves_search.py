@@ -52,6 +52,7 @@ def test_all_finalists_that_are_near_are_ended_before_one_is_chosen(monkeypatch:
     monkeypatch.setattr(moves_search, "swings_at_all", lambda _model: False)
     monkeypatch.setattr(moves_search, "with_own_errors", lambda fitted: fitted)
     monkeypatch.setattr(moves_search, "settled", lambda fitted, _rounds: fitted)
+    monkeypatch.setattr(moves_search, "led_on", lambda fitted: fitted)
     monkeypatch.setattr(moves_search, "trial_of", lambda _scene, fitted: trials[fitted.model.name])
     monkeypatch.setattr(moves_search, "inner_suffices", lambda *_: False)
     asked: list[tuple[str, float]] = []
@@ -96,11 +97,44 @@ def test_where_none_is_anywhere_near_the_nearest_alone_is_settled(
     monkeypatch.setattr(moves_search, "swings_at_all", lambda _model: False)
     monkeypatch.setattr(moves_search, "with_own_errors", lambda fitted: asked.append(fitted.name) or fitted)
     monkeypatch.setattr(moves_search, "settled", lambda fitted, _rounds: fitted)
+    monkeypatch.setattr(moves_search, "led_on", lambda fitted: fitted)
     monkeypatch.setattr(moves_search, "trial_of", lambda _scene, fitted: trials[fitted.name])
     monkeypatch.setattr(moves_search, "inner_suffices", lambda *_: False)
     monkeypatch.setattr(moves_search, "to_the_end", lambda _scene, one, *_: one)
     moves_search.finished(cast(Any, None), cast(Any, trials))
     assert asked == settled
+
+
+def test_the_nearest_that_is_led_on_is_judged_by_where_it_ended(monkeypatch: Any) -> None:
+    """A hung mass stood behind two ridges: as it was found at first it swung on from no move to the next, and was
+    refused."""
+
+    def trial(name: str, train: float, limits: tuple[str, ...] = ()) -> Any:
+        fitted = SimpleNamespace(name=name, model=SimpleNamespace(parameters=()))
+        explained = SimpleNamespace(fitted=fitted)
+        return SimpleNamespace(train_rms=train, held_rms=train, model=explained, at_limits=limits)
+
+    trials = {"hung": trial("hung", 1.9, ("X1.hung_speed",)), "body": trial("body", 2.1)}
+    further = trial("further", 0.9)
+    by_name = {**trials, "further": further}
+    monkeypatch.setattr(moves_search, "swings_at_all", lambda _model: True)
+    monkeypatch.setattr(moves_search, "with_own_errors", lambda fitted: fitted)
+    monkeypatch.setattr(moves_search, "settled", lambda fitted, _rounds: fitted)
+    led: list[str] = []
+
+    def led_on(fitted: Any) -> Any:
+        led.append(fitted.name)
+        return further.model.fitted
+
+    monkeypatch.setattr(moves_search, "led_on", led_on)
+    monkeypatch.setattr(moves_search, "trial_of", lambda _scene, fitted: by_name[fitted.name])
+    monkeypatch.setattr(moves_search, "inner_suffices", lambda *_: False)
+    ended: list[Any] = []
+    monkeypatch.setattr(moves_search, "to_the_end", lambda _scene, one, *_: ended.append(one) or one)
+    done = moves_search.finished(cast(Any, None), cast(Any, trials))
+    assert led == ["hung"]
+    assert cast(Any, done["hung"]) is further
+    assert further in ended
 
 
 @pytest.mark.parametrize(("train", "held", "told"), [(0.95, 1.4, 2.0), (0.95, 7.5, 0.3)])
