@@ -31,10 +31,12 @@ from service.identification.moves_starts import (
     begun_at,
     candidates,
     fitted_from,
+    on_a_few_moves,
     own_of_few,
     softer_contact,
     unanswering,
 )
+from service.identification.moves_starts import Candidate as DrivenCandidate
 from service.identification.moves_valleys import asked, valleys
 from service.identification.scene import Scene
 from service.identification.selection import (
@@ -55,6 +57,8 @@ SHARES, NEAR_BY = np.linspace(0.05, 0.95, 19), np.array([0.02, 0.04, 0.08])
 """Shares of all play with which the backlash is begun, and how far from the one that is reached afterwards (chosen)."""
 DIVIDED, FOLLOWED = 6, 3
 """How often at most a fit is begun with its play otherwise divided, and how many of those are fitted to all moves."""
+OF_FEW = 1.0 / 6.0
+"""Share of what a few moves and their motors show from which on what takes it is fitted to all (chosen)."""
 HINT = 1.0 / 3.0
 """Share of what samples and motors show from which on something hides there, although no fit found it (chosen)."""
 CONTRADICTED_TOO = 2.0
@@ -79,7 +83,7 @@ def otherwise_divided(found: Fitted) -> Fitted:
         few, own = asked(found), (own_of_few(found),)
         begun = (begun_at(few, found.model, values, own) for values in divisions(found, near_by=turn > 0))
         best = sorted((fit(few, found.model, at, BRIEF) for at in begun), key=lambda f: f.rms_with_motors)
-        starts = (fitted_from(found, values_at(one), BRIEF) for one in best[:FOLLOWED])
+        starts = (fitted_from(found, values_at(one), 0) for one in best[:FOLLOWED])
         before, found = found, min([found, *map(jointly, starts)], key=lambda f: f.rms_with_motors)
         if found.rms_with_motors > RIDGE * before.rms_with_motors:
             break
@@ -115,13 +119,11 @@ def hidden(
     the motors are not heard in the others."""
     base, fits = before.model.fitted, list[Fitted]()
     heard = as_heard_by_motors(before)
-    if not heard.validation_rms:
-        return Selection(before, before, (), (), ())
-    for candidate in candidates(base.model, kinds, ()):
-        few = [noted(one, base.moves) for one in valleys(scene, base, candidate)[:VALLEYS]]
-        fits += [jointly(carried(base, one, FIRST_ROUNDS)) for one in few]
+    tried = candidates(base.model, kinds, ()) if heard.validation_rms else []
+    for candidate in tried:
+        fits += [on_all_moves(base, one) for one in promising(scene, base, candidate)]
     if not fits:
-        return Selection(before, before, (), (), ())
+        return Selection(before, before, (), tuple(nothing_shown(before, one.name) for one in tried), ())
     present = jointly(replace(base, moves=unanswering(base.moves)))
     nearest = min(fits, key=lambda f: f.rms_with_motors)
     name, gain = nearest.model.effects[-1].name, Gain.of(present, nearest)
@@ -135,6 +137,29 @@ def hidden(
     after = trial if judged.accepted else before
     hinted = not names and gain.is_of(HINT) and heard.validation_rms > CONTRADICTED_TOO
     return Selection(before, after, names, (judged,), (), witnessed=names, hinted=hinted)
+
+
+def promising(scene: Scene, base: Fitted, candidate: DrivenCandidate) -> list[Fitted]:
+    """The fits of a few moves in the candidate's best valleys, of those that take `OF_FEW` of what the present model
+    leaves of these moves and their motors."""
+    present = fit(asked(base), base.model, on_a_few_moves(base).at, BRIEF).rms_with_motors
+    found = [one for one in valleys(scene, base, candidate) if gone(present, one.rms_with_motors, OF_FEW)]
+    return found[:VALLEYS]
+
+
+def on_all_moves(base: Fitted, one: Fitted) -> Fitted:
+    """What was fitted to a few moves, fitted to all and their motors: at once, for the samples alone may lead out of a
+    valley that both have found, or after some rounds to the samples; the nearer of both."""
+    brief = noted(one, base.moves)
+    return min(
+        (jointly(carried(base, brief, rounds)) for rounds in (0, FIRST_ROUNDS)),
+        key=lambda f: f.rms_with_motors,
+    )
+
+
+def nothing_shown(before: Trial[Explained], name: str) -> Candidate:
+    """The judgement on what a few moves and their motors speak against."""
+    return Candidate(name, before.held_rms, 1.0, False, "explains nothing of a few moves and their motors")
 
 
 class Gain(NamedTuple):

@@ -19,6 +19,7 @@ from service.identification.moves_hidden import (
     hidden,
     judged_by_motors,
     otherwise_divided,
+    promising,
 )
 from service.identification.moves_motors import left_by_motors
 from service.identification.selection import Trial
@@ -134,10 +135,9 @@ def test_less_than_half_is_a_hint_and_next_to_nothing_none(
     fits = [one(2.95, effect), one(nearest, effect)]
     before: Trial[Any] = replace(trial(4.0), model=SimpleNamespace(fitted=base))
     monkeypatch.setattr(moves_hidden, "as_heard_by_motors", as_heard)
-    monkeypatch.setattr(moves_hidden, "candidates", lambda *_: ["candidate"])
-    monkeypatch.setattr(moves_hidden, "valleys", lambda *_: fits)
-    monkeypatch.setattr(moves_hidden, "noted", lambda found, _moves: found)
-    monkeypatch.setattr(moves_hidden, "carried", lambda _base, found, _rounds: found)
+    monkeypatch.setattr(moves_hidden, "candidates", lambda *_: [effect])
+    monkeypatch.setattr(moves_hidden, "promising", lambda *_: fits)
+    monkeypatch.setattr(moves_hidden, "on_all_moves", lambda _base, found: found)
     monkeypatch.setattr(moves_hidden, "jointly", lambda found: found)
     divided: list[float] = []
     monkeypatch.setattr(
@@ -153,6 +153,49 @@ def test_less_than_half_is_a_hint_and_next_to_nothing_none(
     assert (found.after is before) is (not names)
     assert len(told) == 1
     assert divided == [nearest] * (bool(names) or hinted), "what is next to nothing is not worth the time"
+
+
+def test_what_few_moves_and_their_motors_speak_against_is_not_fitted_to_all(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A ripple leaves the motors' equations of motion, too: two gaps take none of it."""
+    effect = SimpleNamespace(name="gearbox_clearance")
+    before: Trial[Any] = replace(trial(4.0), model=SimpleNamespace(fitted=SimpleNamespace(model="declared")))
+    monkeypatch.setattr(moves_hidden, "as_heard_by_motors", as_heard)
+    monkeypatch.setattr(moves_hidden, "candidates", lambda *_: [effect])
+    monkeypatch.setattr(moves_hidden, "promising", lambda *_: [])
+    found = hidden(cast(Any, None), before, HIDDEN, 20, lambda _text: None)
+    assert (found.effects, found.hinted, found.after) == ((), False, before)
+    assert [(c.effect, c.accepted, c.why) for c in found.candidates] == [
+        ("gearbox_clearance", False, "explains nothing of a few moves and their motors")
+    ]
+
+
+def test_a_valley_is_promising_if_it_takes_a_part_of_what_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of an RMS of 2, 3 are left of its square beside the noise: a sixth of that, and not more than the best few."""
+    monkeypatch.setattr(moves_hidden, "asked", lambda _found: ())
+    monkeypatch.setattr(moves_hidden, "on_a_few_moves", lambda found: found)
+    monkeypatch.setattr(moves_hidden, "fit", lambda *_: two_gaps(0.0, 0.0, 2.0))
+    valleys = [two_gaps(0.0, 0.0, rms) for rms in (1.1, 1.2, 1.3, 1.4, 1.85, 1.88)]
+    monkeypatch.setattr(moves_hidden, "valleys", lambda *_: valleys)
+    base: Any = SimpleNamespace(model=None, at=None)
+    assert promising(cast(Any, None), base, cast(Any, None)) == valleys[:4]
+    monkeypatch.setattr(moves_hidden, "valleys", lambda *_: valleys[3:])
+    assert promising(cast(Any, None), base, cast(Any, None)) == valleys[3:5]
+
+
+@pytest.mark.parametrize(("at_once", "after_rounds"), [(1.0, 1.2), (3.8, 3.6)])
+def test_a_valley_is_carried_to_all_moves_with_and_without_samples_first(
+    monkeypatch: pytest.MonkeyPatch, at_once: float, after_rounds: float
+) -> None:
+    """The samples alone led out of a valley that samples and motors of a few moves had found."""
+    monkeypatch.setattr(moves_hidden, "noted", lambda found, _moves: found)
+    monkeypatch.setattr(moves_hidden, "carried", lambda _base, _one, rounds: rounds)
+    ends = {0: at_once, moves_hidden.FIRST_ROUNDS: after_rounds}
+    monkeypatch.setattr(moves_hidden, "jointly", lambda rounds: two_gaps(0.0, 0.0, ends[rounds]))
+    base: Any = SimpleNamespace(moves=())
+    reached = moves_hidden.on_all_moves(base, two_gaps(0.0, 0.0)).rms_with_motors
+    assert reached == min(at_once, after_rounds)
 
 
 def two_gaps(backlash: float, clearance: float, rms: float = 2.0, contact: float = 1e6) -> Any:
