@@ -56,6 +56,7 @@ from service.identification.moves_starts import (
     fitted_from,
     hardly_any,
     on_a_few_moves,
+    on_sound_motion,
     placed,
     scored,
     unanswering,
@@ -171,7 +172,7 @@ def propose(
 ) -> dict[str, Trial[Explained]]:
     """Every effect that is not in yet, fitted on all train moves; the best few fitted to the end. Of further effects
     none, where a few moves show that none explains what is left."""
-    base = present.model.fitted
+    base = on_sound_motion(present.model.fitted)
     found: dict[str, Fitted] = {}
     tried = candidates(base.model, library, taken)
     coupled = {c.name: as_coupled(scene, base, c) for c in tried if scene.coupled and bridges(c)}

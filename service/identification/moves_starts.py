@@ -38,6 +38,9 @@ SAME_PLACE = 1e-4
 TOO_MUCH = 4.0
 """RMS of the present model from which on an effect whose fits have many valleys is not searched for: more is missing
 than a split gap."""
+MISLED = 0.9
+"""RMS on the measured motion over that on the one that a model's own force made, below which that force is wrong
+(chosen: the motion was made for this very model)."""
 TOLERANCES = ("clock_offset", "smear")
 """What every chain of measurement does to an impact."""
 HARDLY_ANY = 0.01
@@ -154,6 +157,23 @@ def how_few(found: Fitted) -> int:
 def on_a_few_moves(found: Fitted) -> Fitted:
     """The present fit, fitted to a few moves as candidates are."""
     return fit(fewer(found), found.model, Point(found.at.shared, (own_of_few(found),)), BRIEF)
+
+
+def as_measured(moves: Sequence[Moves]) -> tuple[Moves, ...]:
+    """The moves with the motion of the motors that their samples alone tell, whatever force a model makes."""
+    return tuple(replace(m, motion=(m.plain,) * len(m.grids), echoes=(), reference=None) for m in moves)
+
+
+def on_sound_motion(found: Fitted) -> Fitted:
+    """A fit of a model that lacks something, with the motors' motion as its force made it or, if the same model comes
+    nearer there, as it is measured: what a wrong force makes between the samples hides the right effect, too."""
+    if found.rms < DESCRIBED:
+        return found
+    own, plain = (
+        fit(moves, found.model, found.at, ROUNDS)
+        for moves in (unanswering(found.moves), as_measured(found.moves))
+    )
+    return plain if plain.rms < MISLED * own.rms else found
 
 
 def unanswering(moves: Sequence[Moves]) -> tuple[Moves, ...]:
