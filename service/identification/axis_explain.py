@@ -86,9 +86,10 @@ def missing_in(
 ) -> Selection[Explained]:
     """What is missing in the model that is declared, or that was accepted. A zero that is seen to wander at rest is
     asked for first, then what may be hidden, where the motors' equations of motion do not hold; it has its name if the
-    other moves are described with it, too, or if nothing else is found. Where no torque was recorded and only numbers
-    may do it that are not known, nothing but that. What accepted effects leave is the next one's only where it is more
-    than a law leaves that differs a little from the machine's, as after a first effect."""
+    other moves are described with it, too, or if nothing else is found that describes them better, and is a hint
+    otherwise. Where no torque was recorded and only numbers may do it that are not known, nothing but that. What
+    accepted effects leave is the next one's only where it is more than a law leaves that differs a little from the
+    machine's, as after a first effect."""
     if scene.zero_wanders and DrivenBias.name not in accepted:
         tell("the accelerometer's zero wanders while the axis rests")
         found = searched(scene, before, tell, LIMITS, first=(DrivenBias,))
@@ -104,9 +105,11 @@ def missing_in(
         if found.effects and found.after.validation_rms <= LEFT:
             return found
         beside = searched(scene, before, tell, LIMITS, but=HIDDEN if found.candidates else ())
-        if found.effects and not beside.effects:
+        nearer = found.after.validation_rms < beside.after.validation_rms
+        if found.effects and (nearer or not beside.effects):
             return found
-        return replace(beside, candidates=beside.candidates + found.candidates, hinted=found.hinted)
+        hinted = found.hinted or bool(found.effects)
+        return replace(beside, candidates=beside.candidates + found.candidates, hinted=hinted)
     if shown(before) <= SEARCHED and before.validation_rms > DESCRIBED and not by_motors:
         return searched(scene, before, tell, OF_HIDDEN, first=HIDDEN)
     return searched(scene, before, tell, LIMITS)
