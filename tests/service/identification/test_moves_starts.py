@@ -89,8 +89,8 @@ def test_an_effect_begun_on_the_present_model_changes_nothing(shared_dir: Path) 
 def test_a_motion_that_a_wrong_force_made_is_not_what_effects_are_compared_on(
     monkeypatch: Any, declared: float, own: float, plain: float, on: str
 ) -> None:
-    """A ripple was hidden by what a chain in a corner made of the motors' motion: with the planted numbers 11 of the
-    noise were left on it, and 1.03 on the measured one. It is wrong if the model it was made for is nearer without."""
+    """A ripple was hidden by what a chain in a corner made of the motors' motion, with the planted numbers, too. It is
+    wrong if the model that it was made for comes nearer without it."""
     fits = {"own": SimpleNamespace(rms=own, name="own"), "plain": SimpleNamespace(rms=plain, name="plain")}
     monkeypatch.setattr(moves_starts, "unanswering", lambda _moves: "own")
     monkeypatch.setattr(moves_starts, "as_measured", lambda _moves: "plain")
