@@ -98,9 +98,10 @@ def led_on(found: Fitted) -> Fitted:
         if not UNKNOWN_NUMBERS <= found.rms < HOPELESS:
             break
         on = over_ridges(found)
-        if on.rms > RIDGE * found.rms:
+        further = followed(on, ROUNDS) if on.rms <= RIDGE * found.rms else found
+        if further.rms >= found.rms:
             break
-        found = min(found, followed(on, ROUNDS), key=lambda f: f.rms)
+        found = further
     return found
 
 

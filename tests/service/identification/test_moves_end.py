@@ -118,6 +118,14 @@ def test_a_fit_that_may_be_the_right_one_and_leaves_too_much_is_led_over_further
     assert len(later) == (asked if reached < rms else 0)
 
 
+def test_what_is_followed_farther_off_is_not_tried_again(monkeypatch: Any) -> None:
+    over: list[float] = []
+    monkeypatch.setattr(moves_end, "over_ridges", lambda f: over.append(f.rms) or stub(1.8))
+    monkeypatch.setattr(moves_end, "followed", lambda _f, _rounds: stub(2.0))
+    assert moves_end.led_on(stub(1.9)).rms == 1.9
+    assert over == [1.9]
+
+
 @pytest.mark.parametrize(
     ("mass", "rms", "again", "kept"),
     [(5.0, 1.8, 1.1, 1.1), (5.0, 1.8, 1.9, 1.8), (5.0, 1.0, 0.9, 1.0), (3.0, 1.8, 1.1, 1.8)],
