@@ -22,7 +22,7 @@ from service.identification.moves_rests import (
     swinging_on,
     swings_at_all,
 )
-from service.identification.moves_ridges import over_ridges, put_back
+from service.identification.moves_ridges import other_sizes, over_ridges, put_back
 from service.identification.moves_starts import (
     ROUNDS,
     SUMMED,
@@ -93,11 +93,13 @@ def settled_present(found: Fitted, rounds: int) -> Fitted:
 
 def led_on(found: Fitted) -> Fitted:
     """A fit that may be the right one and yet leaves more than noise, over further ridges and followed from there as
-    long as that is nearer: what lies near a valley is searched, and the right one may lie behind the next."""
+    long as that is nearer: what lies near a valley is searched, and the right one may lie behind the next, or where the
+    effect is of another size."""
     for _ in range(FURTHER):
         if not UNKNOWN_NUMBERS <= found.rms < HOPELESS:
             break
         on = over_ridges(found)
+        on = over_ridges(found, other_sizes) if on.rms > RIDGE * found.rms else on
         further = followed(on, ROUNDS) if on.rms <= RIDGE * found.rms else found
         if further.rms >= found.rms:
             break

@@ -91,14 +91,16 @@ def otherwise_divided(found: Fitted) -> Fitted:
 
 
 def divisions(found: Fitted, near_by: bool) -> Iterator[Values]:
-    """The values of a fit with all play otherwise divided, somewhat or from end to end, with its chain and with shaft
-    and contact exchanged if the contact is the stiffer one."""
+    """The values of a fit with all play otherwise divided, somewhat, or from end to end without its damping, which a
+    wrong division drives into a corner; with its chain and with shaft and contact exchanged if the contact is the
+    stiffer one."""
     present = values_at(found)
     gaps = [(f"{axis}.backlash", f"{axis}.clearance") for axis in found.model.axes]
     both = [present[first] + present[second] for first, second in gaps]
     now = sum(present[first] for first, _ in gaps) / sum(both)
     shares = now + np.concatenate((-NEAR_BY, NEAR_BY)) if near_by else SHARES
-    for values in filter(None, (present, softer_contact(present, found.model))):
+    kept = {name: v for name, v in present.items() if near_by or not name.endswith("damping_ratio")}
+    for values in filter(None, (kept, softer_contact(kept, found.model))):
         for share in np.clip(shares, SHARES[0], SHARES[-1]):
             divided = dict(values)
             for (first, second), play in zip(gaps, both, strict=True):

@@ -8,7 +8,7 @@ fitted only from one that a few say to be nearer.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 
 import numpy as np
 
@@ -34,19 +34,20 @@ from service.recording import FloatArray
 PUT_BACK = ("turnover_speed", "turnover_spread", "coulomb", "viscous", "damping_ratio", "smear")
 """Parameters that a wrong model drives into a corner from which a fit comes back slowly."""
 CHAINS, WIDTHS = 20, (0.1, 1.0)
-"""How many chains are tried, and between which shares of their priors' widths they differ from the fit's (chosen)."""
+"""How many beginnings are tried, and between which shares of the priors' widths they differ (chosen)."""
 FOLLOWED, LAST = 6, 2
 """How many of them are followed by as many rounds as starts are compared with, and how many of those to their end."""
 NEARER = 0.99
 """How much nearer to a few moves another valley must be (chosen; all moves decide)."""
 
 
-def over_ridges(found: Fitted) -> Fitted:
+def over_ridges(found: Fitted, others: Callable[[Fitted], Iterator[FloatArray]] | None = None) -> Fitted:
     """The fit begun once more in the valley that a few moves say is nearer, or itself where they say none is, or all
-    moves do not."""
+    moves do not; from ``other_chains`` unless other beginnings are given."""
     few, own = fewer(found), (own_of_few(found),)
     here = fit(few, found.model, Point(found.at.shared, own), BRIEF)
-    tried = [fit(few, found.model, Point(shared, own), QUICK) for shared in other_chains(found)]
+    starts = (others or other_chains)(found)
+    tried = [fit(few, found.model, Point(shared, own), QUICK) for shared in starts]
     begun = [one.at for one in leading(tried, FOLLOWED)]
     back = [begun_at(few, found.model, put_back(found, too), own) for too in ((), chain(found.model))]
     alive = [fit(few, found.model, at, BRIEF) for at in (*begun, *back)]
@@ -78,13 +79,26 @@ def leading(fits: Sequence[Fitted], count: int) -> list[Fitted]:
 def other_chains(found: Fitted) -> Iterator[FloatArray]:
     """Coordinates (P,) of a fit with another chain between motor and flanks: where the contact is the stiffer one it
     and the shaft exchanged, then at random about the fit's and without what a clock or a smear adds."""
-    model, rng = found.model, np.random.default_rng(SEED)
+    model = found.model
     short = [p.name.rpartition(".")[2] for p in model.parameters]
     plain = np.where([name in TOLERANCES for name in short], 0.0, found.at.shared)
     if exchanged := softer_contact(values_at(found), model):
         yield shared_at(model, exchanged)
-    links = np.flatnonzero([name in chain(model) for name in short])
+    yield from scattered(found, plain, [name in chain(model) for name in short])
+
+
+def other_sizes(found: Fitted) -> Iterator[FloatArray]:
+    """Coordinates (P,) of a fit with other numbers of its last effect, and out of the corners that the wrong ones drove
+    it into: a hung mass that swings at another frequency takes the guide's friction for its own damping."""
+    model = found.model
+    own = {p.name for p in model.effects[-1].parameters} if model.effects else set()
+    yield from scattered(found, shared_at(model, put_back(found)), [p.name in own for p in model.parameters])
+
+
+def scattered(found: Fitted, about: FloatArray, moved: Sequence[bool]) -> Iterator[FloatArray]:
+    """Coordinates (P,) at random about given ones, those that are `moved` each by a share of its prior's width."""
+    rng, which = np.random.default_rng(SEED), np.flatnonzero(moved)
     for width in np.geomspace(*WIDTHS, CHAINS):
-        shared = plain.copy()
-        shared[links] += width * rng.standard_normal(len(links))
-        yield np.clip(shared, *limits(model).T)
+        shared = about.copy()
+        shared[which] += width * rng.standard_normal(len(which))
+        yield np.clip(shared, *limits(found.model).T)

@@ -10,6 +10,7 @@ import pytest
 from service.dynamics.driven_model import Model
 from service.identification import moves_end
 from service.identification.moves_end import parted
+from service.identification.moves_ridges import other_sizes
 
 
 def stub(rms: float, name: str = "") -> Any:
@@ -105,13 +106,22 @@ def test_a_declared_model_that_lacks_something_is_looked_for_elsewhere_and_not_f
         (4.5, 0.5, 0, 4.5),
     ],
 )
+@pytest.mark.parametrize("by", [None, other_sizes], ids=["the chain", "the effect's own numbers"])
 def test_a_fit_that_may_be_the_right_one_and_leaves_too_much_is_led_over_further_ridges(
-    monkeypatch: Any, rms: float, nearer: float, asked: int, reached: float
+    monkeypatch: Any, by: Any, rms: float, nearer: float, asked: int, reached: float
 ) -> None:
-    """As often as that is nearer, three times at most, and followed each time."""
+    """By its chain, or by its effect's own numbers where that leads nowhere; as often as that is nearer, three times at
+    most, and followed each time."""
     over: list[float] = []
     later: list[float] = []
-    monkeypatch.setattr(moves_end, "over_ridges", lambda f: over.append(f.rms) or stub(nearer * f.rms))
+
+    def over_ridges(f: Any, others: Any = None) -> Any:
+        if others is by:
+            over.append(f.rms)
+            return stub(nearer * f.rms)
+        return f
+
+    monkeypatch.setattr(moves_end, "over_ridges", over_ridges)
     monkeypatch.setattr(moves_end, "followed", lambda f, _rounds: later.append(f.rms) or f)
     assert moves_end.led_on(stub(rms)).rms == pytest.approx(reached)
     assert len(over) == asked
@@ -120,7 +130,7 @@ def test_a_fit_that_may_be_the_right_one_and_leaves_too_much_is_led_over_further
 
 def test_what_is_followed_farther_off_is_not_tried_again(monkeypatch: Any) -> None:
     over: list[float] = []
-    monkeypatch.setattr(moves_end, "over_ridges", lambda f: over.append(f.rms) or stub(1.8))
+    monkeypatch.setattr(moves_end, "over_ridges", lambda f, *_: over.append(f.rms) or stub(1.8))
     monkeypatch.setattr(moves_end, "followed", lambda _f, _rounds: stub(2.0))
     assert moves_end.led_on(stub(1.9)).rms == 1.9
     assert over == [1.9]

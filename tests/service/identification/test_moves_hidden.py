@@ -205,6 +205,7 @@ def two_gaps(backlash: float, clearance: float, rms: float = 2.0, contact: float
         "X1.clearance": clearance,
         "X1.pinion_stiffness": 2e6,
         "X1.contact_stiffness": contact,
+        "X1.contact_damping_ratio": 3.1,
     }
     model = SimpleNamespace(axes=("X1",), lumps=2)
     return SimpleNamespace(values=values, model=model, rms_with_motors=rms)
@@ -223,6 +224,7 @@ def test_all_play_is_divided_from_end_to_end_and_then_near_by(
     spread = (0.72, 0.88) if near_by else (0.05, 0.95)
     assert (min(shares), max(shares)) == pytest.approx(spread)
     assert {one["X1.contact_stiffness"] for one in begun} == ({1e6} if chains == 1 else {5e6, 2e6})
+    assert {"X1.contact_damping_ratio" in one for one in begun} == {near_by}, "the wrong division's corner"
 
 
 @pytest.mark.parametrize(("rms", "turns"), [(2.0, 2), (1.1, 0)])

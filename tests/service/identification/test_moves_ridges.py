@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -10,6 +11,7 @@ import pytest
 
 from service.backlash.moves_fit import FAR, Fitted, Point, fit
 from service.dynamics.driven_model import Model
+from service.dynamics.effects.driven_bodies import DrivenHungMass
 from service.identification import moves_ridges
 from service.identification.moves_ridges import over_ridges, put_back
 from service.identification.moves_starts import ROUNDS
@@ -55,6 +57,29 @@ def test_other_chains_differ_in_nothing_but_the_chain_and_the_tolerances(found: 
         assert at_random[names.index("clock_offset")] == 0.0
         assert np.all(np.abs(at_random) <= FAR)
     np.testing.assert_array_equal(tried, list(moves_ridges.other_chains(other)))
+
+
+def test_an_effect_of_another_size_is_begun_out_of_the_corner_that_the_wrong_one_drove_friction_into(
+    found: Fitted,
+) -> None:
+    """A hung mass at 22 Hz, where it swings at 28 Hz, took the guide's friction for its damping."""
+    model = Model(("X1",), 2, (DrivenHungMass(("X1",)),), "whole_move", ("constant", "skew"), bridge=False)
+    names = [p.name.removeprefix("X1.") for p in model.parameters]
+    shared = np.zeros(len(names))
+    shared[[names.index(name) for name in ("backlash", "coulomb", "hung_ratio", "hung_frequency")]] = (
+        0.7,
+        -5.0,
+        2.0,
+        -2.0,
+    )
+    tried = list(moves_ridges.other_sizes(replace(found, model=model, at=Point(shared, found.at.local))))
+    assert len(tried) == moves_ridges.CHAINS
+    for at in tried:
+        own = [k for k, name in enumerate(names) if name.startswith("hung_")]
+        assert np.all(at[own] != shared[own])
+        np.testing.assert_allclose(
+            np.delete(at, own), [0.7 * (n == "backlash") for n in names if "hung" not in n]
+        )
 
 
 def test_a_contact_that_is_stiffer_than_the_shaft_may_be_the_shaft(found: Fitted) -> None:
