@@ -38,7 +38,7 @@ from service.identification.moves_starts import (
 )
 from service.identification.moves_valleys import valleys
 from service.identification.scene import Scene
-from service.identification.selection import EXPLAINED, gone
+from service.identification.selection import EXPLAINED, UNKNOWN_NUMBERS, gone
 from service.recording import FloatArray
 
 GLIMPSE, FROM_AFAR = 2, 10
@@ -102,19 +102,21 @@ def compared(
     library: Sequence[Candidate],
     known: float = np.inf,
     taken: Sequence[str] = (),
-) -> dict[str, list[Brief]]:
-    """The best fits of a few moves of every candidate, by name. All are begun; those that are not far off what is
+    sparing: bool = True,
+) -> tuple[dict[str, list[Brief]], list[Candidate]]:
+    """The best fits of a few moves of every candidate, by name, and where it is `sparing` the candidates that were
+    spared their strong starts, for another describes these moves. All are begun; those that are not far off what is
     nearest, also of what is `known` by its RMS, or that may be the right ones, are looked at, and the nearest first, if
     they are not as near as a right one comes, a second time from more starts; once one explains nearly all, or what is
     known does, only those that are about as near. Where none is near, all are begun from afar, too. Where the present
     fit describes the moves, it is no bad start, and no other is tried; of many valleys the first look tells little even
     there. Where they are out of reach, the first look is all; of further effects it is all of each that is hardly
     nearer than the present fit."""
-    looks = {one.name: glimpsed(scene, found, one, known) for one in library}
+    looks, seen, spared = all_glimpsed(scene, found, library, known, sparing)
     least = min([known, *map(nearest, looks.values())])
     far = AS_NEAR * known if gone(found.rms, known, EXPLAINED) else max(FAR_OFF * least, NEAR)
     hopeful = [one for one in library if nearest(looks[one.name]) < far]
-    looks |= {one.name: looked_at(looks[one.name]) for one in hopeful}
+    looks |= {one.name: looked_at(looks[one.name]) for one in hopeful if one.name not in seen}
     least = min([known, *map(nearest, looks.values())])
     if not taken and least > NEAR:
         looks |= {one.name: [*looks[one.name], *from_afar(found, one)] for one in library}
@@ -123,7 +125,7 @@ def compared(
     out = {one.name: glanced(looks[one.name], found) for one in library}
     enough = enough_of_few(found, taken)
     if out_of_reach(least, found, taken) or least > enough:
-        return out
+        return out, spared
     hopeful = [one for one in hopeful if nearest(looks[one.name]) < enough]
     if least > NEAR:
         hopeful = sorted(hopeful, key=lambda one: nearest(looks[one.name]))[:HOPES]
@@ -139,7 +141,7 @@ def compared(
         if divided or near:
             out[one.name] = best_looks(looks[one.name], found, one)
             least = min(least, out[one.name][0].rms)
-    return out
+    return out, spared
 
 
 def as_near(least: float, present: float) -> float:
@@ -148,25 +150,53 @@ def as_near(least: float, present: float) -> float:
     return min(AS_NEAR * least, float(np.sqrt(0.5 * (least**2 + max(present, least) ** 2))))
 
 
-def glimpsed(scene: Scene, found: Fitted, candidate: Candidate, known: float) -> list[Fitted]:
+def all_glimpsed(
+    scene: Scene, found: Fitted, library: Sequence[Candidate], known: float, sparing: bool
+) -> tuple[dict[str, list[Fitted]], set[str], list[Candidate]]:
+    """Short fits of a few moves of every candidate, the names of those that were looked at already, and what was spared
+    its strong starts: the nearest come first, and once one describes the few moves, or something is `known` that
+    explains nearly all, the others are spared."""
+    looks = {one.name: glimpsed(scene, found, one) for one in library}
+    seen, few = set[str](), on_a_few_moves(found).rms
+    ranked = sorted(library, key=lambda one: nearest(looks[one.name]))
+    for k, one in enumerate(ranked):
+        if sparing and gone(few, known, EXPLAINED):
+            return looks, seen, ranked[k:]
+        fits = looks[one.name]
+        if nearest(fits) > UNKNOWN_NUMBERS:
+            fits = fits + strongly_glimpsed(scene, found, one)
+        if gone(few, nearest(fits), EXPLAINED):
+            fits = looked_at(fits)
+            seen.add(one.name)
+            known = nearest(fits) if nearest(fits) < UNKNOWN_NUMBERS else known
+        looks[one.name] = fits
+    return looks, seen, []
+
+
+def glimpsed(scene: Scene, found: Fitted, candidate: Candidate) -> list[Fitted]:
     """Fits of a few moves, begun with next to nothing of the candidate and, unless the present fit describes the moves,
-    where the candidate mostly finds to its best one; strong ones unless something is `known` by its RMS that explains
-    nearly all."""
+    where the candidate mostly finds to its best one."""
     few = fewer(found)
     values = likely(scene, found, candidate)
     near = found.rms < DESCRIBED and not candidate.effect.many_valleys
     starts = [added(found, candidate, hardly_any(candidate, one)) for one in (values if near else values[:1])]
     starts += [] if near else [point_at(candidate.model, one, few) for one in values]
-    glimpses = [fit(few, candidate.model, at, GLIMPSE) for at in starts]
+    return [fit(few, candidate.model, at, GLIMPSE) for at in starts]
+
+
+def strongly_glimpsed(scene: Scene, found: Fitted, candidate: Candidate) -> list[Fitted]:
+    """Fits of a few moves, begun with the candidate as strong as it may be and on typical machines, unless the present
+    fit describes the moves."""
     if candidate.effect.many_valleys or found.rms < DESCRIBED:
-        return glimpses
-    typical = point_at(candidate.model, on_typical_machine(candidate, values[0]), few)
+        return []
+    few = fewer(found)
+    typical = point_at(
+        candidate.model, on_typical_machine(candidate, likely(scene, found, candidate)[0]), few
+    )
     swinging = [point_at(candidate.model, one, few) for one in heard_on_typical_machines(scene, candidate)]
-    strong = [] if gone(found.rms, known, EXPLAINED) else strong_either_way(found, candidate)
-    begun = [typical, *(begun_at(few, candidate.model, one) for one in strong)]
+    begun = [typical, *(begun_at(few, candidate.model, one) for one in strong_either_way(found, candidate))]
     first = sorted((fit(few, candidate.model, at, STRONG) for at in begun), key=lambda f: f.rms)
     return [
-        *glimpses,
         *(fit(few, candidate.model, f.at, BRIEF) for f in first[:1]),
         *first[1:],
         *(speeds_first(few, candidate.model, at, SUMMED[0], FROM_AFAR) for at in swinging),

@@ -171,23 +171,42 @@ def propose(
     tell: Callable[[str], None],
 ) -> dict[str, Trial[Explained]]:
     """Every effect that is not in yet, fitted on all train moves; the best few fitted to the end. Of further effects
-    none, where a few moves show that none explains what is left."""
+    none, where a few moves show that none explains what is left. What was spared its strong starts, for another effect
+    described a few moves, has them where that one does not describe all: it may have imitated the right one there."""
     base = on_sound_motion(present.model.fitted)
-    found: dict[str, Fitted] = {}
     tried = candidates(base.model, library, taken)
     coupled = {c.name: as_coupled(scene, base, c) for c in tried if scene.coupled and bridges(c)}
+    trials, spared = proposed(scene, base, tried, coupled, taken, tell)
+    if not (trials and spared) or any(describes_all(trial) for trial in trials.values()):
+        return trials
+    tell("what describes a few moves does not describe the others: the other effects, from strong starts")
+    again, _ = proposed(scene, base, spared, {}, taken, tell, sparing=False)
+    return trials | {name: min((trials.get(name, t), t), key=distance) for name, t in again.items()}
+
+
+def proposed(
+    scene: Scene,
+    base: Fitted,
+    tried: Sequence[Candidate],
+    coupled: Mapping[str, Fitted],
+    taken: tuple[str, ...],
+    tell: Callable[[str], None],
+    sparing: bool = True,
+) -> tuple[dict[str, Trial[Explained]], list[Candidate]]:
+    """Every one of these candidates, and those that were spared their strong starts."""
+    found: dict[str, Fitted] = {}
     known = min((f.rms for f in coupled.values()), default=np.inf)
-    brief = compared(scene, base, tried, known, taken)
+    brief, spared = compared(scene, base, tried, known, taken, sparing)
     least = min([f.rms for f in coupled.values()] + [fits[0].rms for fits in brief.values()])
     enough = min(BEHIND * least, enough_of_few(base, taken), worth_all_moves(base))
     if taken and (out_of_reach(least, base, taken) or least > enough):
-        return {}
+        return {}, spared
     if out_of_reach(least, base):
         ranked = sorted(brief, key=lambda name: brief[name][0].rms)[:PROMISING]
         return {
             name: trial_of(scene, refitted(base, brief[name], BEHIND * least)[0], thorough=False)
             for name in ranked
-        }
+        }, spared
     others: dict[str, list[Fitted]] = {}
     for name, fits in brief.items():
         first, *others[name] = refitted(base, fits, enough)
@@ -205,7 +224,12 @@ def propose(
     trials = {c.name: in_best_shape(scene, base, c, trials[c.name]) for c in tried}
     trials = finished(scene, trials)
     best = min(tried, key=lambda c: distance(trials[c.name]))
-    return trials | {best.name: in_other_shapes(scene, base, best, trials[best.name])}
+    return trials | {best.name: in_other_shapes(scene, base, best, trials[best.name])}, spared
+
+
+def describes_all(trial: Trial[Explained]) -> bool:
+    """Whether a model describes the moves that were fitted and the others, with numbers that there are."""
+    return max(trial.train_rms, trial.validation_rms) <= DESCRIBED and not trial.at_limits
 
 
 def worth_all_moves(base: Fitted) -> float:

@@ -80,7 +80,9 @@ def test_a_second_look_is_for_what_may_still_be_the_best(monkeypatch: Any) -> No
     afar: list[str] = []
     second = 1.2
     fits = {name: [stub(rms, name)] for name, rms in (begun | nowhere).items()}
-    monkeypatch.setattr(moves_looks, "glimpsed", lambda _s, _f, one, _known: fits[one.name])
+    monkeypatch.setattr(
+        moves_looks, "all_glimpsed", lambda _s, _f, of, *_: ({one.name: fits[one.name] for one in of}, (), [])
+    )
     monkeypatch.setattr(
         moves_looks,
         "looked_at",
@@ -101,7 +103,7 @@ def test_a_second_look_is_for_what_may_still_be_the_best(monkeypatch: Any) -> No
         library = [
             SimpleNamespace(name=name, effect=SimpleNamespace(many_valleys=name in valleys)) for name in names
         ]
-        found = moves_looks.compared(cast(Any, None), stub(rms), cast(Any, library), known)
+        found, _ = moves_looks.compared(cast(Any, None), stub(rms), cast(Any, library), known)
         return {name: [one.rms for one in looks] for name, looks in found.items()}
 
     near = {"right": [1.0], "rival": [1.2, 1.2], "hopeful": [1.8]}
@@ -142,6 +144,53 @@ def test_a_second_look_is_for_what_may_still_be_the_best(monkeypatch: Any) -> No
 
 
 @pytest.mark.parametrize(
+    ("strong", "closer", "known", "sparing", "begun", "looked"),
+    [
+        (2.0, 1.1, np.inf, True, ["right"], ["right"]),
+        (2.0, 1.5, np.inf, True, ["right", "other", "far"], ["right"]),
+        (5.0, 1.1, np.inf, True, ["right", "other", "far"], []),
+        (2.0, 1.1, 1.2, True, [], []),
+        (2.0, 1.1, np.inf, False, ["right", "other", "far"], ["right"]),
+    ],
+    ids=["describes the few moves", "hardly", "is far off", "something is known", "nothing is spared"],
+)
+def test_once_one_describes_the_few_moves_the_others_have_no_strong_starts(
+    monkeypatch: Any,
+    strong: float,
+    closer: float,
+    known: float,
+    sparing: bool,
+    begun: list[str],
+    looked: list[str],
+) -> None:
+    glimpses = {"far": 9.9, "right": 6.0, "other": 8.0}
+    stronger, later = list[str](), list[str]()
+    monkeypatch.setattr(moves_looks, "on_a_few_moves", lambda _found: stub(10.0))
+    monkeypatch.setattr(moves_looks, "glimpsed", lambda _s, _f, one: [stub(glimpses[one.name], one.name)])
+
+    def strongly_glimpsed(_scene: Any, _found: Any, one: Any) -> list[Any]:
+        stronger.append(one.name)
+        return [stub(strong if one.name == "right" else 9.0, one.name)]
+
+    def looked_at(fits: Any) -> list[Any]:
+        best = min(fits, key=lambda f: f.rms)
+        later.append(best.name)
+        return [stub(closer, best.name)]
+
+    monkeypatch.setattr(moves_looks, "strongly_glimpsed", strongly_glimpsed)
+    monkeypatch.setattr(moves_looks, "looked_at", looked_at)
+    library = [SimpleNamespace(name=name) for name in glimpses]
+    looks, seen, spared = moves_looks.all_glimpsed(
+        cast(Any, None), stub(10.0), cast(Any, library), known, sparing
+    )
+    assert (stronger, later, sorted(seen)) == (begun, looked, looked)
+    assert [one.name for one in spared] == [name for name in ("right", "other", "far") if name not in begun]
+    assert {name: len(fits) for name, fits in looks.items()} == {
+        name: 1 if name in looked else 1 + (name in begun) for name in glimpses
+    }
+
+
+@pytest.mark.parametrize(
     ("least", "present", "near"),
     [(1.0, 16.0, 4.0 / 3.0), (1.0, 1.2, np.sqrt(1.22)), (1.0, 1.0, 1.0), (1.0, 0.9, 1.0)],
 )
@@ -154,7 +203,8 @@ def test_about_as_near_as_the_best_is_what_explains_half_as_much(
 
 def test_of_further_effects_only_what_comes_nearer_than_the_present_fit_is_followed(monkeypatch: Any) -> None:
     monkeypatch.setattr(moves_looks, "on_a_few_moves", lambda _found: stub(2.0))
-    monkeypatch.setattr(moves_looks, "glimpsed", lambda _s, _f, one, _known: [stub(one.begun)])
+    monkeypatch.setattr(moves_looks, "glimpsed", lambda _s, _f, one: [stub(one.begun)])
+    monkeypatch.setattr(moves_looks, "strongly_glimpsed", lambda *_: [])
     monkeypatch.setattr(moves_looks, "looked_at", lambda fits: fits)
     monkeypatch.setattr(moves_looks, "second_look", lambda *_: [])
     monkeypatch.setattr(moves_looks, "grounds", lambda *_: [])
@@ -165,7 +215,7 @@ def test_of_further_effects_only_what_comes_nearer_than_the_present_fit_is_follo
         for rms in (1.5, 1.9)
     ]
     found, scene = stub(2.0), cast(Any, None)
-    first = moves_looks.compared(scene, found, cast(Any, library))
-    further = moves_looks.compared(scene, found, cast(Any, library), taken=("sensor_gain",))
+    first, _ = moves_looks.compared(scene, found, cast(Any, library))
+    further, _ = moves_looks.compared(scene, found, cast(Any, library), taken=("sensor_gain",))
     assert [looks[0].name for looks in cast(Any, first).values()] == ["followed", "followed"]
     assert [looks[0].name for looks in cast(Any, further).values()] == ["followed", "glanced"]

@@ -451,3 +451,53 @@ def test_other_shapes_of_friction_are_ended_where_an_ended_fit_describes_its_own
     first = trial("first", held_out, ended)
     best = moves_search.in_other_shapes(cast(Any, None), stub(1.0), cast(Any, None), first)
     assert cast(Any, best).name == chosen
+
+
+@pytest.mark.parametrize(
+    ("first", "spared", "asked"),
+    [
+        ({"imitator": (1.0, 4.5, ())}, ["right"], [["imitator", "right"], ["right"]]),
+        ({"imitator": (1.0, 1.1, ("number",))}, ["right"], [["imitator", "right"], ["right"]]),
+        ({"imitator": (1.0, 1.1, ())}, ["right"], [["imitator", "right"]]),
+        ({"imitator": (1.0, 4.5, ())}, [], [["imitator", "right"]]),
+        ({}, ["right"], [["imitator", "right"]]),
+    ],
+    ids=[
+        "describes only its own",
+        "with no such number",
+        "describes all",
+        "nothing was spared",
+        "nothing tried",
+    ],
+)
+def test_what_was_spared_its_strong_starts_has_them_where_another_only_imitates_it(
+    monkeypatch: Any, first: dict[str, Any], spared: list[str], asked: list[list[str]]
+) -> None:
+    def trial(train: float, held: float, at_limits: tuple[str, ...] = ()) -> Any:
+        return SimpleNamespace(train_rms=train, validation_rms=held, held_rms=held, at_limits=at_limits)
+
+    base: Any = SimpleNamespace(model=None)
+    library = [SimpleNamespace(name=name) for name in ("imitator", "right")]
+    rounds: list[list[str]] = []
+
+    def proposed(_scene: Any, _base: Any, tried: Any, *_: Any, sparing: bool = True) -> Any:
+        rounds.append([one.name for one in tried])
+        trials = {name: trial(*of) for name, of in first.items()} | {"right": trial(1.9, 6.0)}
+        return (
+            ({} if not first else trials, [one for one in library if one.name in spared])
+            if sparing
+            else (
+                {"right": trial(1.0, 1.05)},
+                [],
+            )
+        )
+
+    monkeypatch.setattr(moves_search, "on_sound_motion", lambda found: found)
+    monkeypatch.setattr(moves_search, "candidates", lambda *_: library)
+    monkeypatch.setattr(moves_search, "proposed", proposed)
+    scene, present = SimpleNamespace(coupled={}), SimpleNamespace(model=SimpleNamespace(fitted=base))
+    trials = moves_search.propose(cast(Any, scene), (), cast(Any, present), (), lambda _text: None)
+    assert rounds == asked
+    if first:
+        assert trials["right"].train_rms == (1.0 if len(asked) == 2 else 1.9)
+        assert trials["imitator"].train_rms == 1.0
