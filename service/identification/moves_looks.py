@@ -161,7 +161,7 @@ def all_glimpsed(
     ranked = sorted(library, key=lambda one: nearest(looks[one.name]))
     for k, one in enumerate(ranked):
         if sparing and gone(few, known, EXPLAINED):
-            return looks, seen, ranked[k:]
+            return looks, seen, [other for other in ranked[k:] if has_strong_starts(found, other)]
         fits = looks[one.name]
         if nearest(fits) > UNKNOWN_NUMBERS:
             fits = fits + strongly_glimpsed(scene, found, one)
@@ -185,9 +185,8 @@ def glimpsed(scene: Scene, found: Fitted, candidate: Candidate) -> list[Fitted]:
 
 
 def strongly_glimpsed(scene: Scene, found: Fitted, candidate: Candidate) -> list[Fitted]:
-    """Fits of a few moves, begun with the candidate as strong as it may be and on typical machines, unless the present
-    fit describes the moves."""
-    if candidate.effect.many_valleys or found.rms < DESCRIBED:
+    """Fits of a few moves, begun with the candidate as strong as it may be and on typical machines."""
+    if not has_strong_starts(found, candidate):
         return []
     few = fewer(found)
     typical = point_at(
@@ -201,6 +200,11 @@ def strongly_glimpsed(scene: Scene, found: Fitted, candidate: Candidate) -> list
         *first[1:],
         *(speeds_first(few, candidate.model, at, SUMMED[0], FROM_AFAR) for at in swinging),
     ]
+
+
+def has_strong_starts(found: Fitted, candidate: Candidate) -> bool:
+    """Not where the present fit describes the moves, and of many valleys no single start tells."""
+    return not candidate.effect.many_valleys and found.rms >= DESCRIBED
 
 
 def from_afar(found: Fitted, candidate: Candidate) -> list[Fitted]:

@@ -179,7 +179,7 @@ def test_once_one_describes_the_few_moves_the_others_have_no_strong_starts(
 
     monkeypatch.setattr(moves_looks, "strongly_glimpsed", strongly_glimpsed)
     monkeypatch.setattr(moves_looks, "looked_at", looked_at)
-    library = [SimpleNamespace(name=name) for name in glimpses]
+    library = [SimpleNamespace(name=name, effect=SimpleNamespace(many_valleys=False)) for name in glimpses]
     looks, seen, spared = moves_looks.all_glimpsed(
         cast(Any, None), stub(10.0), cast(Any, library), known, sparing
     )
@@ -188,6 +188,19 @@ def test_once_one_describes_the_few_moves_the_others_have_no_strong_starts(
     assert {name: len(fits) for name, fits in looks.items()} == {
         name: 1 if name in looked else 1 + (name in begun) for name in glimpses
     }
+
+
+@pytest.mark.parametrize(
+    ("rms", "many_valleys", "spared"), [(1.1, False, 0), (3.0, True, 0), (3.0, False, 1)]
+)
+def test_nothing_is_spared_that_would_have_no_strong_starts(
+    monkeypatch: Any, rms: float, many_valleys: bool, spared: int
+) -> None:
+    monkeypatch.setattr(moves_looks, "on_a_few_moves", lambda found: found)
+    monkeypatch.setattr(moves_looks, "glimpsed", lambda *_: [stub(2.0)])
+    one = SimpleNamespace(name="one", effect=SimpleNamespace(many_valleys=many_valleys))
+    _, _, left = moves_looks.all_glimpsed(cast(Any, None), stub(rms), cast(Any, [one]), 0.9, sparing=True)
+    assert len(left) == spared
 
 
 @pytest.mark.parametrize(
