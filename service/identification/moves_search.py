@@ -193,7 +193,8 @@ def proposed(
     tell: Callable[[str], None],
     sparing: bool = True,
 ) -> tuple[dict[str, Trial[Explained]], list[Candidate]]:
-    """Every one of these candidates, and those that were spared their strong starts."""
+    """The trials of these candidates by name, none where a few moves speak against all of them, and the candidates that
+    were spared their strong starts."""
     found: dict[str, Fitted] = {}
     known = min((f.rms for f in coupled.values()), default=np.inf)
     brief, spared = compared(scene, base, tried, known, taken, sparing)
