@@ -34,6 +34,7 @@ from service.identification.moves_starts import (
     placed,
     softer_contact,
     speeds_first,
+    strong_at,
     strong_either_way,
 )
 from service.identification.moves_valleys import valleys
@@ -119,7 +120,7 @@ def compared(
     looks |= {one.name: looked_at(looks[one.name]) for one in hopeful if one.name not in seen}
     least = min([known, *map(nearest, looks.values())])
     if not taken and least > NEAR:
-        looks |= {one.name: [*looks[one.name], *from_afar(found, one)] for one in library}
+        looks |= {one.name: [*looks[one.name], *from_afar(scene, found, one)] for one in library}
         least = min([known, *map(nearest, looks.values())])
         hopeful = [one for one in library if nearest(looks[one.name]) < max(FAR_OFF * least, NEAR)]
     out = {one.name: glanced(looks[one.name], found) for one in library}
@@ -207,14 +208,17 @@ def has_strong_starts(found: Fitted, candidate: Candidate) -> bool:
     return not candidate.effect.many_valleys and found.rms >= DESCRIBED
 
 
-def from_afar(found: Fitted, candidate: Candidate) -> list[Fitted]:
-    """Fits of a few moves from typical machines by the loads' speeds: what is missing has driven the present
-    machine, and all places, into another valley."""
+def from_afar(scene: Scene, found: Fitted, candidate: Candidate) -> list[Fitted]:
+    """Fits of a few moves from typical machines by the loads' speeds, for what is missing has driven the present
+    machine, and all places, into another valley; and from the estimator's machine with the effect as strong as it may
+    well be."""
     few = fewer(found)
     begun = [point_at(candidate.model, one, few) for one in on_typical_machines(candidate)]
     speeds = [fit(of_speed(few, SUMMED[0]), candidate.model, at, HALF) for at in begun]
     best = sorted(speeds, key=lambda f: f.rms)[:PLACED]
-    return [fit(few, candidate.model, f.at, FROM_AFAR) for f in best]
+    at_place = [point_at(candidate.model, one, few) for one in strong_at(scene.rich, found, candidate)]
+    strong = sorted((fit(few, candidate.model, at, STRONG) for at in at_place), key=lambda f: f.rms)[:1]
+    return [fit(few, candidate.model, f.at, FROM_AFAR) for f in (*best, *strong)]
 
 
 def looked_at(glimpses: Sequence[Fitted]) -> list[Fitted]:

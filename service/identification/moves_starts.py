@@ -202,8 +202,20 @@ def likely(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:
 def on_typical_machine(candidate: Candidate, shape: Values) -> Values:
     """The effect in a shape on a typical machine, as strong as it may well be where its amounts have one sign: what an
     effect has done to the numbers of the present model, or of any place without it, may lead nowhere."""
-    strong = {p.name: p.spread for p in candidate.effect.parameters if p.dose and p.low >= 0.0}
-    return {**{p.name: shape[p.name] for p in candidate.effect.parameters}, **strong}
+    return {**{p.name: shape[p.name] for p in candidate.effect.parameters}, **strong_of_one_sign(candidate)}
+
+
+def strong_of_one_sign(candidate: Candidate) -> Values:
+    """The effect's amounts of one sign, as strong as they may well be."""
+    return {p.name: p.spread for p in candidate.effect.parameters if p.dose and p.low >= 0.0}
+
+
+def strong_at(place: Values, found: Fitted, candidate: Candidate) -> list[Values]:
+    """The effect in all its shapes and as strong as it may well be, at a place; none where its amounts have two signs.
+    A small dose of it, from which a score is taken, leads back to where the present fit stands."""
+    strong = strong_of_one_sign(candidate)
+    shapes = candidate.effect.starts if strong else ()
+    return [on_machine(place, found, candidate, {**shape, **strong}) for shape in shapes]
 
 
 def on_typical_machines(candidate: Candidate) -> list[Values]:

@@ -91,7 +91,7 @@ def test_a_second_look_is_for_what_may_still_be_the_best(monkeypatch: Any) -> No
     monkeypatch.setattr(
         moves_looks, "second_look", lambda *args: again.append(args[-1].name) or [stub(second)]
     )
-    monkeypatch.setattr(moves_looks, "from_afar", lambda _found, one: afar.append(one.name) or [])
+    monkeypatch.setattr(moves_looks, "from_afar", lambda *args: afar.append(args[-1].name) or [])
     monkeypatch.setattr(moves_looks, "grounds", lambda *_: [])
     monkeypatch.setattr(moves_looks, "on_a_few_moves", lambda found: found)
     monkeypatch.setattr(moves_looks, "best_looks", lambda looks, *_: sorted(looks, key=lambda one: one.rms))
@@ -136,9 +136,7 @@ def test_a_second_look_is_for_what_may_still_be_the_best(monkeypatch: Any) -> No
     monkeypatch.setattr(moves_looks, "HOPES", 1)
     compared(9.0, tuple(nowhere))
     assert again == ["far"], "of what is not near only the nearest"
-    monkeypatch.setattr(
-        moves_looks, "from_afar", lambda _found, one: [stub(1.5)] if one.name == "far" else []
-    )
+    monkeypatch.setattr(moves_looks, "from_afar", lambda *args: [stub(1.5)] if args[-1].name == "far" else [])
     assert compared(6.8, tuple(nowhere)) == {"far": [1.5, 3.5, 4.9], "farther": [5.9]}
     assert again == ["far"], "what is near from there is looked at again"
 

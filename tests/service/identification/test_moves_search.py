@@ -250,6 +250,24 @@ def test_where_much_is_missing_an_amount_of_two_signs_is_begun_strong_in_either_
     assert all(v["X1.backlash"] == 5e-5 for v in begun), "the machine is the present one"
 
 
+def test_from_afar_an_amount_of_one_sign_is_begun_strong_where_the_estimator_puts_the_machine() -> None:
+    """Friction that is half breakaway has driven the contact of a model without it to four times its stiffness: from
+    there a small dose leads back, and a typical machine has another gap."""
+    model = Model(("X1",), 2)
+    present = SimpleNamespace(model=model, at=Point(np.zeros(len(model.parameters)), ()))
+    place = {"X1.backlash": 1.2e-4, "X1.coulomb": 1.7, "X1.bend": 0.1}
+
+    def begun(name: str) -> list[Any]:
+        candidate = moves_starts.candidates(model, [DRIVEN[name]], ())[0]
+        return moves_starts.strong_at(place, cast(Any, present), candidate)
+
+    shapes = begun("stribeck_friction")
+    assert [one["X1.stribeck_speed"] for one in shapes] == [0.006, 0.015, 0.04]
+    assert {one["X1.breakaway"] for one in shapes} == {0.5}
+    assert {(one["X1.backlash"], one["X1.coulomb"]) for one in shapes} == {(1.2e-4, 1.7)}
+    assert not begun("constant_force"), "what has two signs is begun so on the present machine"
+
+
 def test_what_acts_one_way_is_begun_in_the_name_of_each_effect_that_is_alike() -> None:
     """While an axis moves, −s·(F_C + s·A) = −s·F_C − A: an asymmetry A is a constant force −A."""
     place = {"X1.constant_force": 0.8, "X1.spring_rate": 3.0, "X1.coulomb": 1.0}
