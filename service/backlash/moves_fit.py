@@ -378,16 +378,17 @@ def costs_of_moves(found: Fitted, k: int) -> FloatArray:
 
 
 def as_alike_moves(found: Fitted) -> Point:
-    """Every move begun like the best described one of its direction: moves of one direction begin much alike."""
-    local = []
-    for k, part in enumerate(found.moves):
-        errors, own = costs_of_moves(found, k), found.at.local[k].copy()
-        for s in (1.0, -1.0):
-            of = np.flatnonzero(part.s == s)
-            if len(of):
-                own[of] = own[of[np.argmin(errors[of])]]
-        local.append(own)
+    """Every move begun like the best described one of its direction."""
+    local = (zeros_alike([part], found, k)[0] for k, part in enumerate(found.moves))
     return Point(found.at.shared, tuple(local))
+
+
+def zeros_alike(moves: Sequence[Moves], found: Fitted, k: int = 0) -> tuple[FloatArray, ...]:
+    """The zeros of moves, begun like the best described one of their direction in recording `k` of a fit, at rest
+    where that has none: moves of one direction begin much alike."""
+    of, own, errors = found.moves[k].s, found.at.local[k], costs_of_moves(found, k)
+    best = {s: own[np.flatnonzero(of == s)[np.argmin(errors[of == s])]] for s in np.unique(of)}
+    return tuple(np.stack([best.get(s, np.zeros(own.shape[1])) for s in part.s]) for part in moves)
 
 
 def reconstructed(

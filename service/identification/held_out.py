@@ -26,6 +26,7 @@ from service.backlash.moves_fit import (
     reconstructed,
     resting,
     rests_found,
+    zeros_alike,
 )
 from service.dynamics.driven_model import LINKS, Model
 from service.identification.moves_rests import KNOWN, WORSE, how_known, swinging_on, swings_at_all
@@ -163,9 +164,9 @@ def begun(validate: Moves, found: Fitted, thorough: bool) -> Begun:
     at, through = Point(found.at.shared, resting([validate], model)), validate
     for _ in validate.grids if swings_at_all(model) else ():
         (through,), _ = swinging_on([through], model, at, how_known(found.moves))
-    tried = []
+    zeros, tried = zeros_alike([validate], found) if found.rms < NEAR else (), []
     for moves in (through, validate) if swings_at_all(model) else (validate,):
-        first = anew([early_part(moves, EARLY)], model, at, free)
+        first = anew([early_part(moves, EARLY)], model, at, free, zeros)
         one = Begun(moves, first, how_known(found.moves), early_misfit(moves, model, first))
         tried.append(as_left(one, found, free) if thorough else one)
         if tried[0].misfit < DESCRIBED:
@@ -234,15 +235,21 @@ def told_by_train(found: Fitted) -> FloatArray:
     return np.asarray(np.linalg.inv(information + np.eye(len(information)))[:P, :P])
 
 
-def anew(moves: Sequence[Moves], model: Model, at: Point, free: Free) -> Point:
+def anew(
+    moves: Sequence[Moves], model: Model, at: Point, free: Free, zeros: tuple[FloatArray, ...] = ()
+) -> Point:
     """The point with what an effect says has its zero found again where the moves are described best: looked for all
     over its range where a fit from the train moves' own does not come near, and there from the best few. Where the
-    loads rest tells only once the zero is known, and it only once they lie about right."""
+    loads rest tells only once the zero is known, and it only once they lie about right: as `zeros` say,
+    if they are not found by themselves."""
     held = np.zeros(0, dtype=np.int64)
     first = fit(moves, model, rests_found(moves, model, at), 8, free=free)
     if first.rms > DESCRIBED:
         other = fit(moves, model, in_the_gap(moves, model, first.at), 8, free=free)
         first = fit(moves, model, best_of_each(sorted((first, other), key=lambda f: f.rms)), 0, free=free)
+    if zeros and first.rms > NEAR:
+        still = fit(moves, model, Point(at.shared, zeros), FEW_ROUNDS, free=held)
+        first = min(first, fit(moves, model, still.at, 8, free=free), key=lambda f: f.rms)
     if not len(free) or first.rms < NEAR:
         return first.at
     places = []

@@ -10,10 +10,10 @@ from dataclasses import replace
 import numpy as np
 
 from service.backlash.moves_begun import Values, expecting_its_own, point_at, shared_at
-from service.backlash.moves_fit import Fitted, Point, fit, reconstructed, values_at
+from service.backlash.moves_fit import Fitted, Point, fit, reconstructed, values_at, zeros_alike
 from service.dynamics.driven_model import LINKS
 from service.identification.held_out import DESCRIBED, NEAR, Explained, overdamped, trial_of
-from service.identification.moves_looks import ENDED, FROM_AFAR, alike
+from service.identification.moves_looks import ENDED, FROM_AFAR
 from service.identification.moves_rests import (
     KNOWN,
     WORSE,
@@ -172,7 +172,7 @@ def begun_by_speeds(found: Fitted) -> Fitted:
     best = min(tried, key=lambda f: (bool(overdamped(f)), f.rms))
     if best.rms > AS_WELL * found.rms:
         return found
-    at = begun_at(found.moves, found.model, values_at(best), alike(found.moves, best))
+    at = begun_at(found.moves, found.model, values_at(best), zeros_alike(found.moves, best))
     return fit(found.moves, found.model, at, ROUNDS)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from service.backlash.moves import Moves
 from service.backlash.moves_begun import Values, point_at
-from service.backlash.moves_fit import Fitted, costs_of_moves, fit, values_at
+from service.backlash.moves_fit import Fitted, fit, values_at, zeros_alike
 from service.dynamics.driven_model import Model
 from service.identification.held_out import DESCRIBED, NEAR
 from service.identification.moves_starts import (
@@ -87,14 +87,7 @@ class Brief:
 
 
 def noted(found: Fitted, moves: Sequence[Moves]) -> Brief:
-    return Brief(found.model, found.rms, values_at(found), alike(moves, found))
-
-
-def alike(moves: Sequence[Moves], found: Fitted) -> tuple[FloatArray, ...]:
-    """The zeros of all moves as they are in a fit of a few: moves of one direction begin much alike."""
-    of, own, errors = found.moves[0].s, found.at.local[0], costs_of_moves(found, 0)
-    best = {s: own[np.flatnonzero(of == s)[np.argmin(errors[of == s])]] for s in np.unique(of)}
-    return tuple(np.stack([best.get(s, np.zeros(own.shape[1])) for s in part.s]) for part in moves)
+    return Brief(found.model, found.rms, values_at(found), zeros_alike(moves, found))
 
 
 def compared(

@@ -14,9 +14,21 @@ from service.backlash.moves_fit import Fitted, Point, fit, reconstructed, restin
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_bodies import DrivenMachineBody
 from service.dynamics.effects.driven_sensors import DrivenBias
-from service.identification.held_out import IN_THE_GAP, TURNS, Explained, Held, held_out, rms, told_by_train
+from service.identification.held_out import (
+    IN_THE_GAP,
+    NEAR,
+    TURNS,
+    Explained,
+    Held,
+    held_out,
+    rms,
+    told_by_train,
+)
 from service.recording import FloatArray, Recording, Trace
 from tests.service.identification.a_machine import MACHINE, as_heard, swinging_through
+
+LOST = 8.0
+"""Where a load is put that a fit does not bring back, over its prior."""
 
 
 @pytest.fixture(scope="module")
@@ -107,6 +119,23 @@ def test_a_held_out_move_that_is_begun_behind_the_wrong_flank_finds_where_its_lo
     right = rms(held_out(validate, wandering, thorough=False).weighed)
     monkeypatch.setattr("service.identification.held_out.rests_found", misplaced)
     assert rms(held_out(validate, wandering, thorough=False).weighed) == pytest.approx(right, rel=0.01)
+
+
+def test_loads_that_are_not_found_by_themselves_lie_as_in_the_train_moves(
+    captures: tuple[Recording, Recording], found: Fitted, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where two axes with a bridge rest tells only once it is known where the other one does: of a seed's gantry, whose
+    numbers were all right, the held-out moves were left at 19 of the noise."""
+    validate = moves_of(captures[1], ("X1",))
+    right = rms(held_out(validate, found, thorough=False).weighed)
+
+    def lost(moves: Sequence[Moves], model: Model, at: Point, among: Sequence[float] = ()) -> Point:
+        return Point(at.shared, tuple(np.full_like(own, LOST) for own in at.local))
+
+    monkeypatch.setattr("service.identification.held_out.rests_found", lost)
+    assert rms(held_out(validate, found, thorough=False).weighed) == pytest.approx(right, rel=0.02)
+    monkeypatch.setattr("service.identification.held_out.zeros_alike", lambda *_: ())
+    assert rms(held_out(validate, found, thorough=False).weighed) > NEAR
 
 
 @pytest.mark.parametrize(("friction", "agreed"), [(1.0, True), (9.0, False)])

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -32,6 +34,7 @@ from service.backlash.moves_fit import (
     settle_locally,
     stopped,
     within,
+    zeros_alike,
 )
 from service.backlash.rest_noise import noise_at_rest, sample_noise
 from service.backlash.signals import summed
@@ -233,6 +236,20 @@ def test_the_better_start_is_kept_for_every_move(found: Fitted) -> None:
     for s in (1.0, -1.0):
         of = alike[found.moves[0].s == s]
         np.testing.assert_allclose(of, np.tile(of[0], (len(of), 1)))
+
+
+def test_every_move_begins_like_the_best_described_one_of_its_direction(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(
+        "service.backlash.moves_fit.costs_of_moves", lambda *_: np.array([9.0, 2.0, 1.0, 5.0])
+    )
+    few = SimpleNamespace(s=np.array([-1.0, 1.0, -1.0, 1.0]))
+    local = np.array([[0.1], [0.2], [0.3], [0.4]])
+    found = SimpleNamespace(moves=(few,), at=SimpleNamespace(local=(local,)))
+    every = SimpleNamespace(s=np.array([1.0, -1.0, 1.0]))
+    (own,) = zeros_alike(cast(Any, (every,)), cast(Any, found))
+    assert own[:, 0].tolist() == [0.2, 0.3, 0.2]
 
 
 def test_only_zeros_are_found_again() -> None:

@@ -221,7 +221,7 @@ def test_a_few_moves_tell_by_the_speeds_which_numbers_to_put_back(monkeypatch: A
     monkeypatch.setattr(moves_end, "point_at", lambda _model, kept, _few: set(kept))
     monkeypatch.setattr(moves_end, "speeds_first", by_speeds)
     monkeypatch.setattr(moves_end, "overdamped", lambda f: ("ratio",) if f.name == "odd" else ())
-    monkeypatch.setattr(moves_end, "alike", lambda *_: ())
+    monkeypatch.setattr(moves_end, "zeros_alike", lambda *_: ())
     monkeypatch.setattr(moves_end, "begun_at", lambda _moves, _model, begun, _local: begun)
     monkeypatch.setattr(moves_end, "fit", lambda moves, _model, at, _rounds: (moves, at))
     every = ("every",)

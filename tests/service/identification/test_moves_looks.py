@@ -11,7 +11,6 @@ import pytest
 
 from service.dynamics.driven_model import Model
 from service.identification import moves_looks
-from service.identification.moves_looks import alike
 from service.identification.moves_starts import softer_contact
 
 
@@ -43,16 +42,6 @@ def test_a_search_is_given_up_where_no_two_effects_can_explain_the_moves(
     least: float, present: float, taken: tuple[str, ...], hopeless: bool
 ) -> None:
     assert moves_looks.out_of_reach(least, stub(present), taken) == hopeless
-
-
-def test_every_move_begins_like_the_best_described_one_of_its_direction(monkeypatch: Any) -> None:
-    monkeypatch.setattr(moves_looks, "costs_of_moves", lambda *_: np.array([9.0, 2.0, 1.0, 5.0]))
-    few = SimpleNamespace(s=np.array([-1.0, 1.0, -1.0, 1.0]))
-    local = np.array([[0.1], [0.2], [0.3], [0.4]])
-    found = SimpleNamespace(moves=(few,), at=SimpleNamespace(local=(local,)))
-    every = SimpleNamespace(s=np.array([1.0, -1.0, 1.0]))
-    (own,) = alike(cast(Any, (every,)), cast(Any, found))
-    assert own[:, 0].tolist() == [0.2, 0.3, 0.2]
 
 
 def test_a_second_start_is_kept_only_for_another_shape_of_the_effect() -> None:
