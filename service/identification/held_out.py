@@ -164,7 +164,8 @@ def begun(validate: Moves, found: Fitted, thorough: bool) -> Begun:
     at, through = Point(found.at.shared, resting([validate], model)), validate
     for _ in validate.grids if swings_at_all(model) else ():
         (through,), _ = swinging_on([through], model, at, how_known(found.moves))
-    zeros, tried = zeros_alike([validate], found) if found.rms < NEAR else (), []
+    zeros = zeros_alike([validate], found) if found.rms < NEAR else ()
+    tried = []
     for moves in (through, validate) if swings_at_all(model) else (validate,):
         first = anew([early_part(moves, EARLY)], model, at, free, zeros)
         one = Begun(moves, first, how_known(found.moves), early_misfit(moves, model, first))
@@ -240,8 +241,8 @@ def anew(
 ) -> Point:
     """The point with what an effect says has its zero found again where the moves are described best: looked for all
     over its range where a fit from the train moves' own does not come near, and there from the best few. Where the
-    loads rest tells only once the zero is known, and it only once they lie about right: as `zeros` say,
-    if they are not found by themselves."""
+    loads rest tells only once the zero is known, and it only once they lie about right: where no fit comes near, they
+    are put where `zeros` say, every move's own coordinates, and released."""
     held = np.zeros(0, dtype=np.int64)
     first = fit(moves, model, rests_found(moves, model, at), 8, free=free)
     if first.rms > DESCRIBED:

@@ -251,7 +251,7 @@ def test_where_much_is_missing_an_amount_of_two_signs_is_begun_strong_in_either_
 
 
 def test_from_afar_an_amount_of_one_sign_is_begun_strong_where_the_estimator_puts_the_machine() -> None:
-    """Friction that is half breakaway has driven the contact of a model without it to four times its stiffness: from
+    """Friction that is mostly breakaway has driven the contact of a model without it to four times its stiffness: from
     there a small dose leads back, and a typical machine has another gap."""
     model = Model(("X1",), 2)
     present = SimpleNamespace(model=model, at=Point(np.zeros(len(model.parameters)), ()))
