@@ -370,11 +370,23 @@ def best_of_each(fits: Sequence[Fitted]) -> Point:
 
 def costs_of_moves(found: Fitted, k: int) -> FloatArray:
     """Sum of squares of every move of recording k, with its priors: (T,)."""
+    return np.asarray(squares_of_moves(found, k) + np.sum(found.at.local[k] ** 2, axis=1))
+
+
+def squares_of_moves(found: Fitted, k: int) -> FloatArray:
+    """Sum of squares of every move of recording k: (T,)."""
     sizes = [int(np.sum(part.used)) for part in found.moves]
     first = sum(sizes[:k])
     move_of = np.nonzero(found.moves[k].used)[0]
-    squares = np.bincount(move_of, found.r[first : first + sizes[k]] ** 2, len(found.moves[k].grids))
-    return np.asarray(squares + np.sum(found.at.local[k] ** 2, axis=1))
+    squares = found.r[first : first + sizes[k]] ** 2
+    return np.asarray(np.bincount(move_of, squares, len(found.moves[k].grids)), dtype=np.float64)
+
+
+def rms_of_moves(found: Fitted) -> FloatArray:
+    """RMS of every move, recording after recording."""
+    squares = [squares_of_moves(found, k) for k in range(len(found.moves))]
+    counts = [np.sum(part.used, axis=(1, 2)) for part in found.moves]
+    return np.asarray(np.sqrt(np.concatenate(squares) / np.maximum(np.concatenate(counts), 1)))
 
 
 def as_alike_moves(found: Fitted) -> Point:

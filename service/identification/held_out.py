@@ -26,6 +26,7 @@ from service.backlash.moves_fit import (
     reconstructed,
     resting,
     rests_found,
+    rms_of_moves,
     zeros_alike,
 )
 from service.dynamics.driven_model import LINKS, Model
@@ -242,10 +243,10 @@ def anew(
     """The point with what an effect says has its zero found again where the moves are described best: looked for all
     over its range where a fit from the train moves' own does not come near, and there from the best few. Where the
     loads rest tells only once the zero is known, and it only once they lie about right: where no fit comes near, they
-    are put where `zeros` say, every move's own coordinates, and released."""
+    are put where `zeros` say, every move's own coordinates, and released. Without `zeros` the model is hopeless."""
     held = np.zeros(0, dtype=np.int64)
     first = fit(moves, model, rests_found(moves, model, at), 8, free=free)
-    if first.rms > DESCRIBED:
+    if zeros and first.rms > DESCRIBED:
         other = fit(moves, model, in_the_gap(moves, model, first.at), 8, free=free)
         first = fit(moves, model, best_of_each(sorted((first, other), key=lambda f: f.rms)), 0, free=free)
     if zeros and first.rms > NEAR:
@@ -268,13 +269,17 @@ def anew(
 
 
 def zeros_found(moves: Sequence[Moves], model: Model, at: Point, free: Free) -> Point:
-    """Every move's zeros from the best of several starts, `free` shared coordinates with them."""
+    """Every move's zeros, `free` shared coordinates with them: from the given ones, and where those do not describe
+    every move, from the best of several starts."""
 
     def fits(starts: Sequence[Point]) -> list[Fitted]:
         return [fit(moves, model, one, 12, free=free, tolerance=0.05) for one in starts]
 
+    first = fits((at,))
+    if np.max(rms_of_moves(first[0])) < DESCRIBED:
+        return first[0].at
     as_left = (Point(at.shared, resting(moves, model)),) if swings_at_all(model) else ()
-    first = fits((at, rests_found(moves, model, at, CLOSE_PLACES), *as_left))
+    first += fits((rests_found(moves, model, at, CLOSE_PLACES), *as_left))
     best = min(first, key=lambda f: f.rms)
     again = fits((rests_found(moves, model, best.at, CLOSE_PLACES), as_alike_moves(best)))
     if min(f.rms for f in again) > DESCRIBED:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ from service.identification.held_out import (
     held_out,
     rms,
     told_by_train,
+    zeros_found,
 )
 from service.recording import FloatArray, Recording, Trace
 from tests.service.identification.a_machine import MACHINE, as_heard, swinging_through
@@ -136,6 +138,28 @@ def test_loads_that_are_not_found_by_themselves_lie_as_in_the_train_moves(
     assert rms(held_out(validate, found, thorough=False).weighed) == pytest.approx(right, rel=0.02)
     monkeypatch.setattr("service.identification.held_out.zeros_alike", lambda *_: ())
     assert rms(held_out(validate, found, thorough=False).weighed) > NEAR
+
+
+def test_zeros_that_describe_every_move_are_looked_for_nowhere_else(
+    captures: tuple[Recording, Recording], found: Fitted, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    early, searched = [early_part(moves_of(captures[1], ("X1",)), 0.45)], list[int]()
+
+    def counted(*arguments: Any, **named: Any) -> Point:
+        searched.append(1)
+        return rests_found(*arguments, **named)
+
+    monkeypatch.setattr("service.identification.held_out.rests_found", counted)
+    nothing = np.zeros(0, dtype=np.int64)
+    begun = rests_found(early, found.model, Point(found.at.shared, resting(early, found.model)))
+    at = zeros_found(early, found.model, begun, nothing)
+    assert not searched
+    lost = Point(begun.shared, tuple(np.where(np.arange(len(o))[:, None] == 3, LOST, o) for o in begun.local))
+    again = zeros_found(early, found.model, lost, nothing)
+    assert searched, "one move that is begun wrong among ten"
+    assert fit(early, found.model, again, 0).rms == pytest.approx(
+        fit(early, found.model, at, 0).rms, rel=0.01
+    )
 
 
 @pytest.mark.parametrize(("friction", "agreed"), [(1.0, True), (9.0, False)])
