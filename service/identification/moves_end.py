@@ -217,14 +217,14 @@ def with_own_errors(found: Fitted) -> Fitted:
 def steady(found: Fitted) -> Fitted:
     """The fit continued until it and the motion of the motors that is reconstructed from it agree: each takes the other
     along, and the numbers that no sample tells by itself, such as the parts of friction, arrive last. Every move may
-    wander as the noise of its speed lets it. Masses, springs and dampings that no chain has are left here once more. A
-    hopeless fit stays what it is."""
+    wander as the noise of its speed lets it; what leaves more than is expected then is led over further ridges. Masses,
+    springs and dampings that no chain has are left here once more. A hopeless fit stays what it is."""
     if found.rms >= HOPELESS:
         return found
     if cornered(found):
         found = min(found, begun_by_speeds(found), key=lambda f: f.rms)
     white = agreed(whitened(found, True))
-    other = over_ridges(white)
+    other = over_ridges(white) if white.rms > 1.0 else white
     white = agreed(other) if other.rms < RIDGE * white.rms else white
     still = whitened(white, False)
     damped = as_damped(still)

@@ -153,10 +153,13 @@ def ground_of(found: Fitted, best: Fitted) -> Fitted:
     return fit(few, found.model, point_at(found.model, values_at(best), few), BRIEF, free=held)
 
 
-def seconded(ground: Fitted, first: Fitted, candidate: Candidate, nearest: float) -> Fitted:
-    """The candidate, fitted `first`, begun once more from such a ground; `nearest` is the RMS of its best fit so
-    far."""
-    brief = fit(ground.moves, candidate.model, placed(ground, candidate).at, BRIEF)
+def seconded(ground: Fitted, first: Fitted, candidate: Candidate, nearest: float, far: float) -> Fitted:
+    """The candidate, fitted `first`, begun once more from such a ground, unless it is `far` off after a glimpse;
+    `nearest` is the RMS of its best fit so far."""
+    glimpse = fit(ground.moves, candidate.model, placed(ground, candidate).at, GLIMPSE)
+    if glimpse.rms > far:
+        return first
+    brief = fit(ground.moves, candidate.model, glimpse.at, BRIEF - GLIMPSE)
     if brief.rms > SECOND * nearest:
         return first
     again = carried(first, noted(brief, first.moves), FIRST_ROUNDS)
@@ -249,7 +252,8 @@ def begun_again(
     ground = ground_of(base, best) if behind else base
     for candidate in behind:
         nearest = min(brief[candidate.name][0].rms, found[candidate.name].rms)
-        found[candidate.name] = seconded(ground, found[candidate.name], candidate, nearest)
+        first, far = found[candidate.name], FAR_OFF * best.rms
+        found[candidate.name] = seconded(ground, first, candidate, nearest, far)
 
 
 def finished(scene: Scene, trials: Mapping[str, Trial[Explained]]) -> dict[str, Trial[Explained]]:

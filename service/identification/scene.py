@@ -46,7 +46,8 @@ NOT_SMOOTH = (
     "gantry_coupling",
 )
 """Effects whose place in a fit has to be searched for; the others are added all at once for a start."""
-ROUNDS = 16
+ROUNDS, FIRST_ROUNDS = 16, 6
+"""Rounds of a fit, and those after which only the nearest of several starts is continued."""
 
 
 @dataclass(frozen=True)
@@ -198,10 +199,11 @@ def smooth_fit(
 def declared_fit(scene: Scene) -> Fitted:
     """The declared model on all moves of all train recordings, from the best of the places."""
     fits = [
-        fit(scene.train, scene.declared, point_at(scene.declared, place, scene.train), ROUNDS)
+        fit(scene.train, scene.declared, point_at(scene.declared, place, scene.train), FIRST_ROUNDS)
         for place in scene.places
     ]
-    return min(fits, key=lambda f: f.rms)
+    best = min(fits, key=lambda f: f.rms)
+    return fit(scene.train, scene.declared, best.at, ROUNDS - FIRST_ROUNDS)
 
 
 def scene_of(

@@ -250,3 +250,17 @@ def test_the_way_from_a_motion_that_a_wrong_chain_has_made_leads_uphill(
     monkeypatch.setattr(moves_end, "fit", lambda *_: stub(left.pop(0)))
     assert moves_end.in_turns(stub(3.2)).rms == reached
     assert len(turns) - len(left) == taken
+
+
+@pytest.mark.parametrize(
+    ("white", "elsewhere", "ended"), [(0.99, 0.9, 0.99), (1.1, 0.9, 0.9), (1.1, 1.0999, 1.1)]
+)
+def test_what_leaves_no_more_than_is_expected_is_led_over_no_further_ridge(
+    monkeypatch: Any, white: float, elsewhere: float, ended: float
+) -> None:
+    monkeypatch.setattr(moves_end, "cornered", lambda _found: False)
+    monkeypatch.setattr(moves_end, "whitened", lambda found, is_white: stub(white) if is_white else found)
+    monkeypatch.setattr(moves_end, "agreed", lambda found: found)
+    monkeypatch.setattr(moves_end, "as_damped", lambda found: found)
+    monkeypatch.setattr(moves_end, "over_ridges", lambda _found: stub(elsewhere))
+    assert moves_end.steady(stub(1.2)).rms == ended

@@ -366,6 +366,26 @@ def test_an_effect_is_begun_again_where_one_ended_that_contains_it(monkeypatch: 
     assert begun[0]["X1.coulomb"] == 0.3
 
 
+@pytest.mark.parametrize(
+    ("glimpse", "rounds"), [(2.1, [moves_search.GLIMPSE]), (1.9, [moves_search.GLIMPSE, 3])]
+)
+def test_what_is_far_off_on_the_ground_of_the_best_is_not_followed(
+    monkeypatch: Any, glimpse: float, rounds: list[int]
+) -> None:
+    asked: list[int] = []
+
+    def fit(_moves: Any, _model: Any, _at: Any, rounds: int) -> Any:
+        asked.append(rounds)
+        return stub(glimpse)
+
+    candidate: Any = SimpleNamespace(model="with the effect")
+    monkeypatch.setattr(moves_search, "placed", lambda ground, _candidate: ground)
+    monkeypatch.setattr(moves_search, "fit", fit)
+    first = stub(2.0)
+    assert moves_search.seconded(stub(6.0), first, candidate, nearest=2.0, far=2.0) is first
+    assert asked == rounds
+
+
 def test_how_two_gaps_divide_their_sum_is_tried_everywhere(monkeypatch: Any) -> None:
     place = {"X1.backlash": 60e-6, "X1.coulomb": 0.3, "X1.drive_mass": 0.9, "X1.contact_damping_ratio": 0.5}
     place |= {"X1.drive_stiffness": 7e5, "X1.contact_stiffness": 4e5, "X1.smear": 2e-4}
