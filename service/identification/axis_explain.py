@@ -15,9 +15,9 @@ from service.identification.explanation import Accepted, AxisExplanation
 from service.identification.given_effects import LEFT, as_accepted, names_of, with_effects_of
 from service.identification.held_out import DESCRIBED, SEARCHED, Explained, trial_of
 from service.identification.moves_end import ended, settled_present
-from service.identification.moves_hidden import hidden
+from service.identification.moves_hidden import as_heard_by_motors, hidden
 from service.identification.moves_motors import CONTRADICTED, left_by_motors
-from service.identification.moves_search import challenged, propose, without
+from service.identification.moves_search import challenged, describes_all, propose, without
 from service.identification.moves_starts import TOO_MUCH
 from service.identification.scene import Scene, declared_fit, scene_of
 from service.identification.selection import Limits, Selection, Trial, distance, left, select, shown
@@ -85,11 +85,11 @@ def missing_in(
     scene: Scene, before: Trial[Explained], accepted: Sequence[str], tell: Callable[[str], None]
 ) -> Selection[Explained]:
     """What is missing in the model that is declared, or that was accepted. A zero that is seen to wander at rest is
-    asked for first, then what may be hidden, where the motors' equations of motion do not hold; it has its name if the
-    other moves are described with it, too, or if nothing else is found that describes them better, and is a hint
-    otherwise. Where no torque was recorded and only numbers may do it that are not known, nothing but that. What
-    accepted effects leave is the next one's only where it is more than a law leaves that differs a little from the
-    machine's, as after a first effect."""
+    asked for first. Where the motors' equations of motion do not hold, and nothing is found with which they do, what
+    may be hidden is asked for: it has its name if the other moves are described with it, too, or if nothing else is
+    found that describes them better, and is a hint otherwise. Where no torque was recorded and only numbers may do it
+    that are not known, nothing but that. What accepted effects leave is the next one's only where it is more than a law
+    leaves that differs a little from the machine's, as after a first effect."""
     if scene.zero_wanders and DrivenBias.name not in accepted:
         tell("the accelerometer's zero wanders while the axis rests")
         found = searched(scene, before, tell, LIMITS, first=(DrivenBias,))
@@ -101,18 +101,24 @@ def missing_in(
     by_motors = float(np.max(left_by_motors(before.model.fitted)))
     if by_motors > CONTRADICTED and before.train_rms < TOO_MUCH:
         tell(f"the motors' equations of motion leave {by_motors:.1f} of the noise")
+        witnessed = as_heard_by_motors(before).validation_rms > 0.0
+        beside = searched(scene, before, tell, LIMITS, but=HIDDEN if witnessed else ())
+        if beside.effects and describes_motors(beside.after):
+            return beside
         found = hidden(scene, before, HIDDEN, len(DRIVEN), tell)
-        if found.effects and found.after.validation_rms <= LEFT:
-            return found
-        beside = searched(scene, before, tell, LIMITS, but=HIDDEN if found.candidates else ())
-        nearer = found.after.validation_rms < beside.after.validation_rms
-        if found.effects and (nearer or not beside.effects):
+        described = found.after.validation_rms <= max(LEFT, beside.after.validation_rms)
+        if found.effects and (described or not beside.effects):
             return found
         hinted = found.hinted or bool(found.effects)
         return replace(beside, candidates=beside.candidates + found.candidates, hinted=hinted)
     if shown(before) <= SEARCHED and before.validation_rms > DESCRIBED and not by_motors:
         return searched(scene, before, tell, OF_HIDDEN, first=HIDDEN)
     return searched(scene, before, tell, LIMITS)
+
+
+def describes_motors(trial: Trial[Explained]) -> bool:
+    """Whether a model describes the moves that were fitted and the others, and what the motors say."""
+    return describes_all(trial) and float(np.max(left_by_motors(trial.model.fitted))) <= CONTRADICTED
 
 
 def searched(

@@ -24,6 +24,11 @@ def trial(train: float, held_out: float) -> Trial[Any]:
     return Trial(SimpleNamespace(fitted="fitted"), train, held_out, np.ones(5), np.zeros(0), 100.0)
 
 
+def heard(monkeypatch: pytest.MonkeyPatch, left: float = 5.0) -> None:
+    """What the motors leave in the held-out moves; 0 where these have no torque."""
+    monkeypatch.setattr(axis_explain, "as_heard_by_motors", lambda _before: trial(1.0, left))
+
+
 @pytest.mark.parametrize(
     ("errors", "accepted", "wanders", "asked", "by_motors"),
     [
@@ -37,9 +42,9 @@ def trial(train: float, held_out: float) -> Trial[Any]:
         ((0.97, 1.22), (), False, ["all"], 1.2),
         ((0.97, 1.12), (), False, ["all"], 1.2),
         ((1.1, 1.22), (), False, ["all"], 1.2),
-        ((0.97, 1.12), (), False, ["motors", "all but hidden"], 3.0),
-        ((1.6, 1.7), (), False, ["motors", "all but hidden"], 3.0),
-        ((1.6, 1.7), (), True, ["zero", "motors", "all but hidden"], 3.0),
+        ((0.97, 1.12), (), False, ["all but hidden", "motors"], 3.0),
+        ((1.6, 1.7), (), False, ["all but hidden", "motors"], 3.0),
+        ((1.6, 1.7), (), True, ["zero", "all but hidden", "motors"], 3.0),
         ((4.1, 5.0), (), False, ["all"], 3.0),
         ((1.1, 1.2), ("hung_mass_mode",), False, [], 3.0),
     ],
@@ -66,6 +71,7 @@ def test_beyond_what_is_accepted_only_more_than_a_law_leaves_is_searched(
         said.append("motors")
         return Selection(before, before, (), (Candidate("gearbox_clearance", 1.0, 1.0),), ())
 
+    heard(monkeypatch)
     monkeypatch.setattr(axis_explain, "searched", searched)
     monkeypatch.setattr(axis_explain, "hidden", hidden)
     monkeypatch.setattr(axis_explain, "left_by_motors", lambda _fitted: np.array([0.5, 1.0]) * by_motors)
@@ -84,6 +90,7 @@ def test_where_the_held_out_moves_have_no_torque_what_may_be_hidden_is_searched_
         left_out.append(but)
         return Selection(before, before, (), (), ())
 
+    heard(monkeypatch, 0.0)
     monkeypatch.setattr(axis_explain, "left_by_motors", lambda _fitted: np.array([5.0]))
     monkeypatch.setattr(axis_explain, "hidden", lambda *_: Selection(before, before, (), (), ()))
     monkeypatch.setattr(axis_explain, "searched", searched)
@@ -123,6 +130,7 @@ def test_what_the_motors_speak_of_is_the_finding_if_nothing_else_describes_other
     )
     after = trial(1.0, held_out_by_others)
     other = Selection(before, after, others, (Candidate("sensor_gain", 1.0, 0.5),), ())
+    heard(monkeypatch)
     monkeypatch.setattr(axis_explain, "left_by_motors", lambda _fitted: np.array([5.0]))
     monkeypatch.setattr(axis_explain, "hidden", lambda *_: by_motors)
     monkeypatch.setattr(axis_explain, "searched", lambda *_, **__: other)
@@ -133,3 +141,31 @@ def test_what_the_motors_speak_of_is_the_finding_if_nothing_else_describes_other
     if found is not by_motors:
         assert [c.effect for c in found.candidates] == ["sensor_gain", "gearbox_clearance"]
         assert found.hinted
+
+
+@pytest.mark.parametrize(
+    ("held_out", "by_motors", "names", "asked"),
+    [
+        (1.1, 2.4, ("stribeck_friction",), False),
+        (1.2, 2.4, ("stribeck_friction",), True),
+        (1.1, 2.6, ("stribeck_friction",), True),
+        (1.1, 2.4, (), True),
+    ],
+)
+def test_what_describes_the_motors_too_hides_nothing(
+    monkeypatch: pytest.MonkeyPatch, held_out: float, by_motors: float, names: tuple[str, ...], asked: bool
+) -> None:
+    before, after, hidden = trial(1.1, 1.4), trial(1.0, held_out), []
+    left = {id(before): 5.0, id(after): by_motors}
+    for one in (before, after):
+        one.model.fitted = one
+    beside = Selection(before, after, names, (), ())
+    heard(monkeypatch)
+    monkeypatch.setattr(axis_explain, "left_by_motors", lambda of: np.array([0.5, left[id(of)]]))
+    monkeypatch.setattr(axis_explain, "searched", lambda *_, **__: beside)
+    monkeypatch.setattr(
+        axis_explain, "hidden", lambda *_: hidden.append(1) or Selection(before, before, (), (), ())
+    )
+    scene: Any = SimpleNamespace(zero_wanders=False)
+    assert missing_in(scene, before, (), lambda _text: None).effects == names
+    assert bool(hidden) == asked
