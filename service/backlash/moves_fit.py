@@ -119,6 +119,11 @@ class Fitted:
         with np.errstate(all="ignore"):
             return jacobian(self.moves, self.model, self.at, self.free, self.r)[1]
 
+    @cached_property
+    def basis(self) -> FloatArray:
+        """Orthonormal basis (N, size) of what the fit's own coordinates change."""
+        return np.asarray(np.linalg.qr(self.slopes.dense())[0])
+
     @property
     def rms(self) -> float:
         return float(np.sqrt(np.mean(self.r**2)))

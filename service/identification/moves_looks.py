@@ -150,7 +150,8 @@ def all_glimpsed(
     """Short fits of a few moves of every candidate, the names of those that were looked at already, and what was spared
     its strong starts: the nearest come first, and once one describes the few moves, or something is `known` that
     explains nearly all, the others are spared."""
-    looks = {one.name: glimpsed(scene, found, one) for one in library}
+    begun = {one.name: likely(scene, found, one) for one in library}
+    looks = {one.name: glimpsed(found, one, begun[one.name]) for one in library}
     seen, few = set[str](), on_a_few_moves(found).rms
     ranked = sorted(library, key=lambda one: nearest(looks[one.name]))
     for k, one in enumerate(ranked):
@@ -158,7 +159,7 @@ def all_glimpsed(
             return looks, seen, [other for other in ranked[k:] if has_strong_starts(found, other)]
         fits = looks[one.name]
         if nearest(fits) > UNKNOWN_NUMBERS:
-            fits = fits + strongly_glimpsed(scene, found, one)
+            fits = fits + strongly_glimpsed(scene, found, one, begun[one.name][0])
         if gone(few, nearest(fits), EXPLAINED):
             fits = looked_at(fits)
             seen.add(one.name)
@@ -167,25 +168,22 @@ def all_glimpsed(
     return looks, seen, []
 
 
-def glimpsed(scene: Scene, found: Fitted, candidate: Candidate) -> list[Fitted]:
+def glimpsed(found: Fitted, candidate: Candidate, values: Sequence[Values]) -> list[Fitted]:
     """Fits of a few moves, begun with next to nothing of the candidate and, unless the present fit describes the moves,
-    where the candidate mostly finds to its best one."""
+    with the values from which it mostly finds to its best one."""
     few = fewer(found)
-    values = likely(scene, found, candidate)
     near = found.rms < DESCRIBED and not candidate.effect.many_valleys
     starts = [added(found, candidate, hardly_any(candidate, one)) for one in (values if near else values[:1])]
     starts += [] if near else [point_at(candidate.model, one, few) for one in values]
     return [fit(few, candidate.model, at, GLIMPSE) for at in starts]
 
 
-def strongly_glimpsed(scene: Scene, found: Fitted, candidate: Candidate) -> list[Fitted]:
-    """Fits of a few moves, begun with the candidate as strong as it may be and on typical machines."""
+def strongly_glimpsed(scene: Scene, found: Fitted, candidate: Candidate, shape: Values) -> list[Fitted]:
+    """Fits of a few moves, begun with the candidate as strong as it may be and, in a shape, on typical machines."""
     if not has_strong_starts(found, candidate):
         return []
     few = fewer(found)
-    typical = point_at(
-        candidate.model, on_typical_machine(candidate, likely(scene, found, candidate)[0]), few
-    )
+    typical = point_at(candidate.model, on_typical_machine(candidate, shape), few)
     swinging = [point_at(candidate.model, one, few) for one in heard_on_typical_machines(scene, candidate)]
     begun = [typical, *(begun_at(few, candidate.model, one) for one in strong_either_way(found, candidate))]
     first = sorted((fit(few, candidate.model, at, STRONG) for at in begun), key=lambda f: f.rms)

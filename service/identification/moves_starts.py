@@ -87,12 +87,11 @@ def scored(found: Fitted, candidate: Candidate, base: Values) -> list[Values]:
     """
     model, out = candidate.model, []
     amounts = [k for k, p in enumerate(model.parameters) if p.dose and p.name not in base]
-    basis = np.linalg.qr(found.slopes.dense())[0]
-    left = found.r - basis @ (basis.T @ found.r)
+    left = found.r - found.basis @ (found.basis.T @ found.r)
     for start in candidate.effect.starts:
         values = dict(candidate.effect.traded(dict(base) | dict(start)))
         slopes = score_slopes(found, model, values, amounts)
-        slopes -= basis @ (basis.T @ slopes)
+        slopes -= found.basis @ (found.basis.T @ slopes)
         H = slopes.T @ slopes + np.eye(len(amounts))
         step = np.linalg.solve(H, -slopes.T @ left)
         for k, u in zip(amounts, np.clip(step, -1.0, 1.0), strict=True):

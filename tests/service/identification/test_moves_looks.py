@@ -153,9 +153,12 @@ def test_once_one_describes_the_few_moves_the_others_have_no_strong_starts(
     glimpses = {"far": 9.9, "right": 6.0, "other": 8.0}
     stronger, later = list[str](), list[str]()
     monkeypatch.setattr(moves_looks, "on_a_few_moves", lambda _found: stub(10.0))
-    monkeypatch.setattr(moves_looks, "glimpsed", lambda _s, _f, one: [stub(glimpses[one.name], one.name)])
+    monkeypatch.setattr(moves_looks, "likely", lambda *_: [{}])
+    monkeypatch.setattr(
+        moves_looks, "glimpsed", lambda _f, one, _values: [stub(glimpses[one.name], one.name)]
+    )
 
-    def strongly_glimpsed(_scene: Any, _found: Any, one: Any) -> list[Any]:
+    def strongly_glimpsed(_scene: Any, _found: Any, one: Any, _shape: Any) -> list[Any]:
         stronger.append(one.name)
         return [stub(strong if one.name == "right" else 9.0, one.name)]
 
@@ -184,6 +187,7 @@ def test_nothing_is_spared_that_would_have_no_strong_starts(
     monkeypatch: Any, rms: float, many_valleys: bool, spared: int
 ) -> None:
     monkeypatch.setattr(moves_looks, "on_a_few_moves", lambda found: found)
+    monkeypatch.setattr(moves_looks, "likely", lambda *_: [{}])
     monkeypatch.setattr(moves_looks, "glimpsed", lambda *_: [stub(2.0)])
     one = SimpleNamespace(name="one", effect=SimpleNamespace(many_valleys=many_valleys))
     _, _, left = moves_looks.all_glimpsed(cast(Any, None), stub(rms), cast(Any, [one]), 0.9, sparing=True)
@@ -203,7 +207,8 @@ def test_about_as_near_as_the_best_is_what_explains_half_as_much(
 
 def test_of_further_effects_only_what_comes_nearer_than_the_present_fit_is_followed(monkeypatch: Any) -> None:
     monkeypatch.setattr(moves_looks, "on_a_few_moves", lambda _found: stub(2.0))
-    monkeypatch.setattr(moves_looks, "glimpsed", lambda _s, _f, one: [stub(one.begun)])
+    monkeypatch.setattr(moves_looks, "likely", lambda *_: [{}])
+    monkeypatch.setattr(moves_looks, "glimpsed", lambda _f, one, _values: [stub(one.begun)])
     monkeypatch.setattr(moves_looks, "strongly_glimpsed", lambda *_: [])
     monkeypatch.setattr(moves_looks, "looked_at", lambda fits: fits)
     monkeypatch.setattr(moves_looks, "second_look", lambda *_: [])
