@@ -23,7 +23,7 @@ from service.identification.given_effects import LEFT
 from service.identification.held_out import DESCRIBED, Explained, trial_of
 from service.identification.moves_end import RIDGE
 from service.identification.moves_looks import VALLEYS, noted
-from service.identification.moves_motors import of_moves
+from service.identification.moves_motors import CONTRADICTED, of_moves
 from service.identification.moves_search import FIRST_ROUNDS, carried
 from service.identification.moves_starts import (
     BRIEF,
@@ -61,8 +61,6 @@ OF_FEW = 1.0 / 6.0
 """Share of what a few moves and their motors show from which on what takes it is fitted to all (chosen)."""
 HINT = 1.0 / 3.0
 """Share of what samples and motors show from which on something hides there, although no fit found it (chosen)."""
-CONTRADICTED_TOO = 2.0
-"""What the model before must leave of the motors' equations of motion in the moves that were not fitted (chosen)."""
 NO_GAP = 1e-6
 """Width below which a gap is none [m] (chosen: what a backlash is wanted to)."""
 
@@ -137,7 +135,7 @@ def hidden(
     judged = judged_by_motors(name, gain, (before, trial), (heard, as_heard_by_motors(trial)), of_all)
     names = (name,) if judged.accepted else ()
     after = trial if judged.accepted else before
-    hinted = not names and gain.is_of(HINT) and heard.validation_rms > CONTRADICTED_TOO
+    hinted = not names and gain.is_of(HINT) and heard.validation_rms > CONTRADICTED
     return Selection(before, after, names, (judged,), (), witnessed=names, hinted=hinted)
 
 
@@ -192,7 +190,7 @@ def judged_by_motors(
     """The judgement on an effect by the trials of the model without it and with it, and as the motors hear them."""
     (before, after), (of_before, of_after) = trials, heard
     p_value = min(1.0, of_all * gain_p_value(of_before, of_after))
-    if not (gain.is_of(PART) and of_before.validation_rms > CONTRADICTED_TOO):
+    if not (gain.is_of(PART) and of_before.validation_rms > CONTRADICTED):
         why = "leaves the motors' equations of motion as they are"
     elif not explained(of_before, of_after, PART):
         why = "takes from the motors' equations of motion in the moves that were fitted only"
