@@ -10,7 +10,7 @@ import numpy as np
 from service.dynamics.driven_model import DrivenEffect
 from service.dynamics.effects.driven_library import DRIVEN
 from service.dynamics.effects.driven_sensors import DrivenBias
-from service.identification.axis_verdict import LEFT_BY_ONE, SMALL, verdict
+from service.identification.axis_verdict import LEFT_BY_ONE, SMALL, finding_of, verdict
 from service.identification.explanation import Accepted, AxisExplanation
 from service.identification.given_effects import LEFT, as_accepted, names_of, with_effects_of
 from service.identification.held_out import DESCRIBED, SEARCHED, Explained, trial_of
@@ -107,7 +107,7 @@ def missing_in(
             return beside
         found = hidden(scene, before, HIDDEN, len(DRIVEN), tell)
         described = found.after.validation_rms <= max(LEFT, beside.after.validation_rms)
-        if found.effects and (described or not beside.effects):
+        if found.effects and (described or finding_of(beside)[0] != "effect"):
             return found
         hinted = found.hinted or bool(found.effects)
         return replace(beside, candidates=beside.candidates + found.candidates, hinted=hinted)

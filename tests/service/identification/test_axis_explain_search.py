@@ -73,6 +73,7 @@ def test_beyond_what_is_accepted_only_more_than_a_law_leaves_is_searched(
 
     heard(monkeypatch)
     monkeypatch.setattr(axis_explain, "searched", searched)
+    monkeypatch.setattr(axis_explain, "finding_of", lambda _found: ("none", ()))
     monkeypatch.setattr(axis_explain, "hidden", hidden)
     monkeypatch.setattr(axis_explain, "left_by_motors", lambda _fitted: np.array([0.5, 1.0]) * by_motors)
     scene: Any = SimpleNamespace(zero_wanders=wanders)
@@ -104,25 +105,29 @@ def test_a_second_gap_is_what_a_fit_may_hide() -> None:
 
 
 @pytest.mark.parametrize(
-    ("names", "held_out", "others", "held_out_by_others", "effects"),
+    ("names", "held_out", "others", "held_out_by_others", "finding", "effects"),
     [
-        (("gearbox_clearance",), 1.5, ("sensor_gain",), 1.4, ("gearbox_clearance",)),
-        (("gearbox_clearance",), 1.7, (), 1.8, ("gearbox_clearance",)),
-        (("gearbox_clearance",), 1.7, ("sensor_gain",), 1.4, ("sensor_gain",)),
-        (("gearbox_clearance",), 2.7, ("sensor_gain",), 4.3, ("gearbox_clearance",)),
-        ((), 1.4, ("sensor_gain",), 1.8, ("sensor_gain",)),
-        ((), 1.4, (), 1.8, ()),
+        (("gearbox_clearance",), 1.5, ("sensor_gain",), 1.4, "effect", ("gearbox_clearance",)),
+        (("gearbox_clearance",), 1.7, (), 1.8, "unknown", ("gearbox_clearance",)),
+        (("gearbox_clearance",), 1.7, ("sensor_gain",), 1.4, "effect", ("sensor_gain",)),
+        (("gearbox_clearance",), 1.7, ("sensor_gain",), 1.4, "unknown", ("gearbox_clearance",)),
+        (("gearbox_clearance",), 1.7, ("sensor_gain",), 1.4, "none", ("gearbox_clearance",)),
+        (("gearbox_clearance",), 2.7, ("sensor_gain",), 4.3, "effect", ("gearbox_clearance",)),
+        ((), 1.4, ("sensor_gain",), 1.8, "effect", ("sensor_gain",)),
+        ((), 1.4, (), 1.8, "none", ()),
     ],
 )
-def test_what_the_motors_speak_of_is_the_finding_if_nothing_else_describes_other_moves_better(
+def test_what_the_motors_speak_of_is_the_finding_unless_another_one_describes_other_moves_better(
     monkeypatch: pytest.MonkeyPatch,
     names: tuple[str, ...],
     held_out: float,
     others: tuple[str, ...],
     held_out_by_others: float,
+    finding: str,
     effects: tuple[str, ...],
 ) -> None:
-    """And a hint where something else does: that may be an impurity, which is no finding by itself."""
+    """And a hint where one does. What describes them better and is no finding by itself, such as an impurity, takes no
+    name away."""
     before = trial(1.1, 1.4)
     of_motors = Candidate("gearbox_clearance", 1.0, 0.1, bool(names), "by the motors")
     by_motors = Selection(
@@ -133,6 +138,7 @@ def test_what_the_motors_speak_of_is_the_finding_if_nothing_else_describes_other
     heard(monkeypatch)
     monkeypatch.setattr(axis_explain, "left_by_motors", lambda _fitted: np.array([5.0]))
     monkeypatch.setattr(axis_explain, "hidden", lambda *_: by_motors)
+    monkeypatch.setattr(axis_explain, "finding_of", lambda _found: (finding, others))
     monkeypatch.setattr(axis_explain, "searched", lambda *_, **__: other)
     scene: Any = SimpleNamespace(zero_wanders=False)
     found = missing_in(scene, before, (), lambda _text: None)
