@@ -70,8 +70,9 @@ PARTS = 5
 
 @dataclass(frozen=True)
 class Held:
-    """What a model predicts for the held-out moves (T, X, K), and what it doubts of that, over the expected errors; the
-    moves with the motors' motion and with what swings as they were simulated for it, and at which point."""
+    """What a model predicts for the held-out moves (T, X, K), and what it doubts of that, over the expected errors,
+    nothing if it is hopeless; the moves with the motors' motion and with what swings as they were simulated for it, and
+    at which point."""
 
     moves: Moves
     predicted: FloatArray
@@ -143,7 +144,7 @@ def held_out(validate: Moves, found: Fitted, thorough: bool = True) -> Held:
     if thorough:
         at = fit([early_part(moves, EARLY)], model, at, 8, free=free).at
         predicted = said(moves, model, at)
-    doubted = doubts(moves, found, at)
+    doubted = doubts(moves, found, at) if found.rms < NEAR else np.zeros(predicted.shape)
     unanswering = replace(moves, echoes=(), reference=None)
     return Held(validate, np.nan_to_num(predicted, nan=1e6), doubted, unanswering, at)
 
