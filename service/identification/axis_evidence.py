@@ -170,7 +170,7 @@ def separating_move(selection: Selection[Explained], moves: Moves) -> Separating
     if pair <= {"constant_force", "asymmetric_friction"}:
         why = text + "a slow reversal keeps a force and turns friction over"
         return SeparatingMove(move.length, move.jerk / 4, -1, "as before", why)
-    if pair <= {"sensor_latency", "speed_filter"}:
+    if pair <= {"sensor_latency", "sensor_filter", "speed_filter"}:
         why = text + "a sharper step is delayed by both, and flattened by a filter only"
         return SeparatingMove(move.length, 2 * move.jerk, 1, "as before", why)
     why = text + "a slower, longer move changes speed against acceleration"

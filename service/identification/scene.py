@@ -44,8 +44,10 @@ NOT_SMOOTH = (
     "contact_nonlinearity",
     "preload_flank",
     "gantry_coupling",
+    "sensor_filter",
 )
-"""Effects whose place in a fit has to be searched for; the others are added all at once for a start."""
+"""Effects whose place in a fit has to be searched for, or that are nearly another one; the others are added all at once
+for a start."""
 ROUNDS, FIRST_ROUNDS = 16, 6
 """Rounds of a fit, and those after which only the nearest of several starts is continued."""
 

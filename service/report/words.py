@@ -82,6 +82,11 @@ _WORDS = {
         "The accelerometer shows acceleration at rest beyond what its zero should.",
         "Check how the accelerometer is mounted; a drifting zero speaks for a failing sensor.",
     ),
+    "sensor_filter": Words(
+        "a slow accelerometer",
+        "The accelerometer's own low-pass smooths what it feels: the load seems to move later and softer than it does.",
+        "Check the accelerometer's bandwidth, and whether it was replaced by another type.",
+    ),
     "speed_filter": Words(
         "a filter on the drive's speed value",
         "The drive smooths the speed that it reports, so that the motor seems to move later and softer than it does.",

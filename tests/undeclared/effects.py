@@ -143,6 +143,11 @@ def sensor_bias(rng: Generator, m: Machine) -> Change:
     return {}, bias | {"bias_warm": rng.uniform(-0.3, 0.3), "tau_warm": rng.uniform(0.5, 4.0)}
 
 
+def sensor_filter(rng: Generator, m: Machine) -> Change:
+    """The accelerometer's own low-pass is slower than its data sheet says."""
+    return {}, {"slow_hz": log_uniform(rng, 40, 160), "slow_zeta": rng.uniform(0.6, 0.8)}
+
+
 def speed_filter(rng: Generator, m: Machine) -> Change:
     """The drive reports a filtered speed."""
     return {}, {"speed_tau": log_uniform(rng, 4e-4, 3e-3)}
@@ -216,11 +221,6 @@ def clipping(rng: Generator, m: Machine) -> Change:
     return {}, {"clip": rng.uniform(1.8, 3.0)}
 
 
-def slow_sensor(rng: Generator, m: Machine) -> Change:
-    """The accelerometer's own low-pass is slower than its data sheet says."""
-    return {}, {"slow_hz": log_uniform(rng, 40, 160), "slow_zeta": rng.uniform(0.6, 0.8)}
-
-
 def bent_sensor(rng: Generator, m: Machine) -> Change:
     """The accelerometer's scale bends: the same sign for both directions, or a flattening towards its range."""
     even = bool(rng.uniform() < 0.5)
@@ -286,13 +286,12 @@ IN_LIBRARY = (
         constant_force,
     ),
     *(position_dependent_force, gearbox_clearance, position_dependent_backlash, contact_nonlinearity),
-    *(transmission_ripple, sensor_latency, sensor_gain, sensor_bias, speed_filter, preload_flank),
+    *(transmission_ripple, sensor_latency, sensor_gain, sensor_bias, sensor_filter, speed_filter, preload_flank),
 )
 NOT_IN_LIBRARY = (
     *(mount_resonance, tilt_coupling, dahl_friction, clock_drift, clock_jitter, mains_hum, torque_slip),
     *(load_change, neighbour_vibration, clipping),
     *(
-        slow_sensor,
         bent_sensor,
         warming_guide,
         squeeze_film,

@@ -14,7 +14,13 @@ from service.dynamics.effects.driven_guide import (
     DrivenStribeckFriction,
 )
 from service.dynamics.effects.driven_ripple import DrivenRipple
-from service.dynamics.effects.driven_sensors import DrivenBias, DrivenGain, DrivenLatency, DrivenSpeedFilter
+from service.dynamics.effects.driven_sensors import (
+    DrivenBias,
+    DrivenGain,
+    DrivenLatency,
+    DrivenSensorFilter,
+    DrivenSpeedFilter,
+)
 from service.dynamics.effects.driven_transmission import (
     DrivenBentContact,
     DrivenClearance,
@@ -28,6 +34,7 @@ DRIVEN: Mapping[str, type[DrivenEffect]] = {
         DrivenLatency,
         DrivenGain,
         DrivenBias,
+        DrivenSensorFilter,
         DrivenSpeedFilter,
         DrivenConstantForce,
         DrivenPositionForce,

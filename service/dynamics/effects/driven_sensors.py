@@ -7,12 +7,13 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from scipy.signal import cont2discrete, lfilter, lfilter_zi
 
 from service.dynamics.driven_effect import Case, DrivenEffect
 from service.dynamics.driven_parameters import Parameter, Values
 from service.recording import FloatArray
 
-LATE = {"latency": 1.0, "filter_time": -1.0}
+LATE = {"latency": 1.0, "filter_delay": 1.0, "filter_time": -1.0}
 """What makes the accelerometer late against the drive's speed, by number; of slow motion a filter is a delay."""
 
 
@@ -34,7 +35,7 @@ class DrivenLatency(DrivenEffect):
     own: ClassVar[tuple[Parameter, ...]] = (
         Parameter("latency", "s", 0.0, 1e-3, logarithmic=False, low=-8e-3, high=8e-3, dose=1e-4),
     )
-    nearly: ClassVar[tuple[str, ...]] = ("speed_filter",)
+    nearly: ClassVar[tuple[str, ...]] = ("sensor_filter", "speed_filter")
 
     def instead(self, values: Mapping[str, float]) -> Mapping[str, float]:
         return {f"{axis}.latency": late for axis, late in lateness(values, self.axes).items()}
@@ -86,6 +87,43 @@ class DrivenBias(DrivenEffect):
 
 
 @dataclass(frozen=True)
+class DrivenSensorFilter(DrivenEffect):
+    """The accelerometer's own low-pass of second order, 1 / (1 + T s + (T s / 2 ζ)²): slow motion is late by T, quick
+    motion is smaller besides. Overdamped, it is one of first order."""
+
+    name: ClassVar[str] = "sensor_filter"
+    means: ClassVar[str] = "the accelerometer's own low-pass is slow"
+    own: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("filter_delay", "s", 0.0, 1e-3, logarithmic=False, low=0.0, high=1e-2, dose=1e-4),
+        Parameter("filter_damping", "1", 0.7, 0.7, low=0.2, high=10.0),
+    )
+    nearly: ClassVar[tuple[str, ...]] = ("sensor_latency", "speed_filter")
+
+    def instead(self, values: Mapping[str, float]) -> Mapping[str, float]:
+        return {f"{axis}.filter_delay": max(0.0, late) for axis, late in lateness(values, self.axes).items()}
+
+    def measure(self, predicted: FloatArray, case: Case) -> FloatArray:
+        out = predicted.copy()
+        for _, axis, x in self.each(case.model):
+            delay, damping = (case.values[f"{axis}.{p.name}"] for p in self.own)
+            for one in np.unique(np.stack((delay, damping), axis=1), axis=0):
+                sets = (delay == one[0]) & (damping == one[1])
+                out[sets, :, x] = low_passed(out[sets, :, x], one[0] / case.h, one[1])
+        return out
+
+
+def low_passed(course: FloatArray, delay: float, damping: float) -> FloatArray:
+    """Courses (S, T, K) behind a low-pass of second order that delays slow motion by `delay` samples: straight from
+    sample to sample, and before the first as there."""
+    if not delay:
+        return course
+    squared = (delay / (2.0 * damping)) ** 2
+    b, a, _ = cont2discrete(([1.0], [squared, delay, 1.0]), 1.0, "foh")
+    begun = course[..., :1] * lfilter_zi(b[0], a)
+    return np.asarray(lfilter(b[0], a, course, zi=begun)[0])
+
+
+@dataclass(frozen=True)
 class DrivenSpeedFilter(DrivenEffect):
     """The drive reports a speed behind a first-order filter; the true motion is the inversely filtered one."""
 
@@ -95,7 +133,7 @@ class DrivenSpeedFilter(DrivenEffect):
         Parameter("filter_time", "s", 0.0, 1e-3, logarithmic=False, low=0.0, high=1e-2, dose=1e-4),
     )
     own_errors: ClassVar[bool] = True
-    nearly: ClassVar[tuple[str, ...]] = ("sensor_latency",)
+    nearly: ClassVar[tuple[str, ...]] = ("sensor_latency", "sensor_filter")
 
     def instead(self, values: Mapping[str, float]) -> Mapping[str, float]:
         return {f"{axis}.filter_time": max(0.0, -late) for axis, late in lateness(values, self.axes).items()}

@@ -16,6 +16,7 @@ from service.dynamics.driven_model import Model
 from service.dynamics.driven_motion import coefficients, plain_motion
 from service.dynamics.effects.driven_library import DRIVEN
 from service.dynamics.effects.driven_ripple import DrivenRipple
+from service.dynamics.effects.driven_sensors import low_passed
 from service.dynamics.effects.driven_transmission import BENDS, damping, stiffening
 from service.recording import FloatArray, Trace
 
@@ -40,6 +41,7 @@ PLANTED = {
     "sensor_latency": {"X1.latency": 0.0013},
     "sensor_gain": {"X1.gain_error": -0.1},
     "sensor_bias": {"X1.bias_drift": 0.7},
+    "sensor_filter": {"X1.filter_delay": 0.002, "X1.filter_damping": 0.6},
     "speed_filter": {"X1.filter_time": 0.001},
     "constant_force": {"X1.constant_force": 0.3},
     "position_dependent_force": {"X1.spring_rate": 150.0, "X1.spring_preload": 0.1},
@@ -140,7 +142,7 @@ class Plain:
         return k * s + 2 * self.get("preload_damping_ratio") * float(np.sqrt(k)) * r
 
     def rates(self, t: float, z: FloatArray) -> list[float]:
-        xp, vp, x, v, xh, vh, xb, vb = z
+        xp, vp, x, v, xh, vh, xb, vb, read, rising = z
         xm, vm = self.motor(t)
         error, rate = self.ripple(xp, vp) if self.at_pinion else self.ripple(xm, vm)
         drive = self.drive(xm - xp, vm - vp)
@@ -156,7 +158,15 @@ class Plain:
         body += self.get("body_ratio") * (rub - contact) - wb**2 * xb - 2 * self.get("body_damping") * wb * vb
         held = self.get("pinion_friction") * float(np.clip(vp / 5e-4, -1.0, 1.0))
         held += self.get("pinion_viscous") * vp
-        return [vp, (drive - contact - held) / self.v["drive_mass"], v, a, vh, -pull, vb, body]
+        mesh = (drive - contact - held) / self.v["drive_mass"]
+        return [vp, mesh, v, a, vh, -pull, vb, body, rising, self.following(v, read, rising)]
+
+    def following(self, v: float, read: float, rising: float) -> float:
+        """How the sensor's own low-pass moves what it reads of a speed."""
+        if not self.get("filter_delay"):
+            return 0.0
+        omega = 2.0 * self.e["filter_damping"] / self.e["filter_delay"]
+        return omega**2 * (v - read) - 2.0 * self.e["filter_damping"] * omega * rising
 
     def acceleration(self, rest: tuple[float, float]) -> FloatArray:
         """(K,) as the sensor reads it, the load lying in the gap at first, as far from its driving flank as if
@@ -164,11 +174,12 @@ class Plain:
         xm = at = self.motor(BEGIN)[0]
         for _ in range(5):
             at = xm - 15e-6 - (self.gap(at)[0] - 0.5 * self.v["backlash"])
-        z = np.array([xm, 0.0, at, 0.0, at + rest[0], rest[1], 0.0, 0.0])
+        z = np.array([xm, 0.0, at, 0.0, at + rest[0], rest[1], *np.zeros(4)])
         grid = BEGIN + H * np.arange(K + 1)
-        v = solve_ivp(
+        states = solve_ivp(
             self.rates, (grid[0], grid[-1]), z, t_eval=grid, max_step=4e-5, rtol=1e-7, atol=1e-11
-        ).y[3]
+        ).y
+        v = states[8] if self.get("filter_delay") else states[3]
         drift = self.get("bias_drift") * (2.0 + H * (np.arange(K) + 0.5))
         return np.asarray((1.0 + self.get("gain_error")) * np.diff(v) / H + drift)
 
@@ -253,6 +264,18 @@ def test_the_damper_of_a_bent_contact_grows_as_it_is_said_to(grown: float) -> No
     rough = driven(("contact_nonlinearity",), {"X1.bend": 0.6})
     errors = [np.sqrt(np.mean((predicted - theirs) ** 2)) for predicted in (ours, rough)]
     assert errors[0] < 0.05 and errors[0] < 0.35 * errors[1], "a damper is as large within a piece"
+
+
+@pytest.mark.parametrize("damping", [0.3, 0.7, 5.0])
+@pytest.mark.parametrize("delay", [1e-3, 1e-8])
+def test_a_slow_sensor_passes_a_tone_as_its_transfer_function_says(delay: float, damping: float) -> None:
+    """Of seven samples a period; at a delay of next to nothing, where the filter's own poles are far off the grid's."""
+    omega, time = 2 * np.pi / 7.0, np.arange(4000.0)
+    passed = low_passed(np.sin(omega * time)[None, None], delay / H, damping)[0, 0]
+    s = 1j * omega * delay / H
+    law = 1.0 / (1.0 + s + (s / (2.0 * damping)) ** 2)
+    wanted = np.abs(law) * np.sin(omega * time + np.angle(law))
+    assert np.abs(passed - wanted)[3000:].max() < 0.07, "a tone is not straight between its samples"
 
 
 def test_a_stribeck_tail_has_a_slope_where_there_is_none_yet() -> None:
