@@ -6,8 +6,8 @@ overcome friction all the way, so what is left of the motor's equation of motion
     a_mot = −force·F + torque·τ − friction at the motor,
 
 with the force F that a model makes is a second witness: of friction above all. What the motor has of its own (its
-inertia under both, its friction, which is a constant and a share of the speed while it moves, and how late torque and
-force are) is fitted to every move by itself and taken off, so that the rows say nothing of it and stay within their
+inertia under both, its friction, which is a constant against the motion and a share of the speed, and how late torque
+and force are) is fitted to every move by itself and taken off, so that the rows say nothing of it and stay within their
 move.
 """
 
@@ -64,12 +64,14 @@ class MotorRows:
     weight : (n,) one over the standard deviation [s²/m]; 0 where the motor does not move
     own : (n, q) what else than the force acts, weighed and orthonormal
     acceleration : (n,) of the motor, weighed, without what `own` explains
+    place : (n,) where the motor is [m]
     """
 
     heard: Heard
     weight: FloatArray
     own: FloatArray
     acceleration: FloatArray
+    place: FloatArray
 
     def of(self, force: FloatArray) -> FloatArray:
         """The rows (S, n) by forces per moved mass (S, K + 1) [m/s²]; one that would not hold the motor back acts on it
@@ -118,12 +120,13 @@ def motor_rows(
     courses = torque_courses([window(torque, load) for load in loads], motions, lag)
     known: dict[tuple[int, int], Heard] = {}
     balances, left = [], []
-    for load, course, inside in zip(loads, courses, within, strict=True):
+    for load, course, motion, inside in zip(loads, courses, motions, within, strict=True):
         time, v = speed.time[inside], speed.value[inside] * transmission
         where = (round((float(time[0]) - float(load[0][0])) * 1e7), len(time))
         if where not in known:
             known[where] = heard(load[0], time, lag)
-        balances.append(Balanced(known[where], course, time, v))
+        place = np.asarray(motion(0.5 * (time[1:] + time[:-1])))
+        balances.append(Balanced(known[where], course, time, v, place))
         left.append(float(np.mean(noise_left[inside])))
     if noise:
         spread = [
@@ -142,13 +145,14 @@ def motor_rows(
 
 @dataclass(frozen=True)
 class Balanced:
-    """What eq. (1) is about in one move: the torque's course [N m], and times [s] and values [m/s] of the motor's speed
-    at the output."""
+    """What eq. (1) is about in one move: the torque's course [N m], times [s] and values [m/s] of the motor's speed at
+    the output, and where it is between them [m]."""
 
     heard: Heard
     torque: PPoly
     time: FloatArray
     speed: FloatArray
+    place: FloatArray
 
     @property
     def mean(self) -> FloatArray:
@@ -175,12 +179,12 @@ class Balanced:
         """(n, 4) what else than the force acts: the torque, how late it is, and two parts of friction."""
         late = LATE * np.diff(self.torque(self.time)) / np.diff(self.time)
         torque = mean_between(self.torque, self.time)
-        return np.column_stack((torque, late, self.mean, np.ones_like(self.mean)))
+        return np.column_stack((torque, late, self.mean, np.sign(self.mean)))
 
     def rows(self, weight: FloatArray) -> MotorRows:
         """The rows, weighed by (n,) [s²/m]."""
         own, acceleration = np.linalg.qr(self.own * weight[:, None])[0], self.acceleration * weight
-        return MotorRows(self.heard, weight, own, acceleration - own @ (own.T @ acceleration))
+        return MotorRows(self.heard, weight, own, acceleration - own @ (own.T @ acceleration), self.place)
 
     def by_noise(self, force: FloatArray, noise: tuple[float, float], transmission: float) -> FloatArray:
         """(n,) the standard deviation of the balance with such a force (K + 1,) by the noise of speed and torque."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from service.backlash.motor_rows import OWN, MotorRows
@@ -15,6 +17,11 @@ something may be hidden between motor and load (chosen: clean machines leave 1.0
 and those with two gaps 1.8 and more)."""
 
 
+FINEST = 3e-4
+"""Shortest length [m] that is looked for in what repeats with a motor's position: its poles and slots are twenty to
+a hundred of a turn, and a speed that is sampled each millisecond hardly shows shorter ones (chosen)."""
+
+
 def left_by_motors(found: Fitted) -> FloatArray:
     """RMS of what is left of each motor's equation of motion with the force of a fit, over the noise: (X,); 0 where no
     torque was recorded."""
@@ -24,17 +31,53 @@ def left_by_motors(found: Fitted) -> FloatArray:
 
 def of_moves(found: Fitted) -> list[list[FloatArray]]:
     """What is left of the equation of motion of every motor in every move with the force of a fit, while it moves, over
-    the noise (n,), so that its mean square is that of the degrees of freedom; none where no torque was recorded."""
+    the noise (n,), so that its mean square is that of the degrees of freedom, without what cogs; none where no torque
+    was recorded."""
     out = []
     for part, local in zip(reconstructed(found, asked=True, by_noise=True), found.at.local, strict=True):
         force = predict(part, found.model, found.at.shared[None], local[None]).force()[0]
-        for of_move, acts in zip(part.motors, force, strict=bool(part.motors)):
-            out.append([while_moving(rows, acts[x]) for x, rows in enumerate(of_move)])
+        of_motors = [
+            while_moving(rows, without_cogging(rows, left_of(rows, force[:, x])))
+            for x, rows in enumerate(zip(*part.motors, strict=True))
+        ]
+        out += [list(of_move) for of_move in zip(*of_motors, strict=True)]
     return out
 
 
-def while_moving(rows: MotorRows, force: FloatArray) -> FloatArray:
-    """The rows of one motor in one move with a force (K + 1,), where it moves."""
-    moving = rows.weight > 0.0
-    free = np.maximum(np.sum(moving) - OWN, 1)
-    return np.asarray(rows.of(force[None])[0][moving] * np.sqrt(np.sum(moving) / free))
+def left_of(rows: Sequence[MotorRows], force: FloatArray) -> list[FloatArray]:
+    """What is left of the equation of motion of one motor in every move (n,) with its forces (T, K + 1)."""
+    return [one.of(acts[None])[0] for one, acts in zip(rows, force, strict=True)]
+
+
+def while_moving(rows: Sequence[MotorRows], left: Sequence[FloatArray]) -> list[FloatArray]:
+    """What is left in every move, where the motor moves, by the degrees of freedom."""
+    out = []
+    for one, of_move in zip(rows, left, strict=True):
+        moving = one.weight > 0.0
+        free = np.maximum(np.sum(moving) - OWN, 1)
+        out.append(np.asarray(of_move[moving] * np.sqrt(np.sum(moving) / free)))
+    return out
+
+
+def without_cogging(rows: Sequence[MotorRows], left: Sequence[FloatArray]) -> list[FloatArray]:
+    """What is left of the moves (n,) of one motor without the one force that repeats with its position, in all moves
+    alike, and takes the most away: every motor cogs, and nothing between it and the load does so."""
+    ends, whole = np.cumsum([len(one) for one in left])[:-1], np.concatenate(left)
+    if not np.isfinite(whole).all():
+        return list(left)
+    places = np.concatenate([one.place[one.weight > 0.0] for one in rows])
+    span = max(float(np.ptp(places)), FINEST)
+
+    def cogs(waves: float) -> FloatArray:
+        """What of the whole goes so often around within the span of the moves."""
+        acts = []
+        for one in rows:
+            angle = 2.0 * np.pi * waves * one.place / span
+            acts.append(one.without_own(np.stack((np.cos(angle), np.sin(angle))) * one.weight))
+        both = np.concatenate(acts, axis=1)
+        return np.asarray(np.linalg.lstsq(both.T, whole, rcond=None)[0] @ both)
+
+    coarse, fine = np.arange(1.0, span / FINEST, 0.25), np.linspace(-0.25, 0.25, 17)
+    near = max(coarse, key=lambda waves: float(np.sum(cogs(waves) ** 2)), default=1.0)
+    best = max(near + fine, key=lambda waves: float(np.sum(cogs(waves) ** 2)))
+    return np.split(whole - cogs(best), ends)

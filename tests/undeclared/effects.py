@@ -286,7 +286,15 @@ IN_LIBRARY = (
         constant_force,
     ),
     *(position_dependent_force, gearbox_clearance, position_dependent_backlash, contact_nonlinearity),
-    *(transmission_ripple, sensor_latency, sensor_gain, sensor_bias, sensor_filter, speed_filter, preload_flank),
+    *(
+        transmission_ripple,
+        sensor_latency,
+        sensor_gain,
+        sensor_bias,
+        sensor_filter,
+        speed_filter,
+        preload_flank,
+    ),
 )
 NOT_IN_LIBRARY = (
     *(mount_resonance, tilt_coupling, dahl_friction, clock_drift, clock_jitter, mains_hum, torque_slip),

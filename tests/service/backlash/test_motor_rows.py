@@ -44,14 +44,19 @@ def force_at(time: FloatArray) -> FloatArray:
 
 
 def rows_of_a_motor(
-    noise: float, told: tuple[float, float] | None = None, lost: tuple[float, float] = (0.0, 0.0)
+    noise: float,
+    told: tuple[float, float] | None = None,
+    lost: tuple[float, float] = (0.0, 0.0),
+    back: float = 0.0,
 ) -> tuple[list[MotorRows], list[FloatArray]]:
     """The rows of all moves, told the true force, and the times of their grids; `noise` of the speed in rad/s, of which
-    and of the torque's the rows may be `told`; samples of the speed `lost` between two times."""
+    and of the torque's the rows may be `told`; samples of the speed `lost` between two times; the motor swings
+    `back` after a move, by such a share of it."""
     rng = np.random.default_rng(4)
     time = np.arange(0.0, STARTS[-1] + DURATION + REST, 1e-3)
-    v = speed_at(time)
-    torque = (acceleration_at(time) + FORCE * force_at(time) + VISCOUS * v + COULOMB * (v > 0.0)) / TORQUE
+    v = speed_at(time) - back * speed_at(time - DURATION)
+    a = acceleration_at(time) - back * acceleration_at(time - DURATION)
+    torque = (a + FORCE * force_at(time) + VISCOUS * v + COULOMB * np.sign(v)) / TORQUE
     speed = v / RATIO + noise * rng.standard_normal(len(time))
     grids = [np.arange(start - 0.002, start + DURATION + 0.03, 2.5e-4) for start in STARTS]
     motion = CubicSpline(time, v).antiderivative()
@@ -95,6 +100,13 @@ def test_nothing_is_left_of_the_balance_with_the_force_that_acted() -> None:
     assert left < 0.2 * rms_of(rows, without_the_gap)
     assert rms_of(rows, pulling) == pytest.approx(rms_of(rows, none))
     assert left < 0.2 * rms_of(rows, none)
+
+
+def test_the_motors_own_friction_turns_over_where_it_swings_back() -> None:
+    rows, _ = rows_of_a_motor(0.003, back=0.3)
+    rubbing = rows[0].weight * np.sign(np.gradient(rows[0].place))
+    assert min(rubbing) < 0.0 < max(rubbing)
+    np.testing.assert_allclose(rows[0].without_own(rubbing[None]), 0.0, atol=1e-9 * max(rubbing))
 
 
 def test_the_torque_tells_what_rubs_only_where_the_flanks_touch() -> None:

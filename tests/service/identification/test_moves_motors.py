@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from service.backlash.moves import early_part, predict, residuals, some_of
 from service.backlash.moves_fit import Fitted, every, fit, jacobian, reconstructed
 from service.identification.moves_motors import CONTRADICTED, left_by_motors
 from service.identification.moves_valleys import asked as of_few
-from service.recording import Recording, Trace
+from service.recording import FloatArray, Recording, Trace
 
 
 @pytest.fixture(scope="module")
@@ -64,18 +65,42 @@ def test_the_motors_are_heard_over_their_noise_where_valleys_are_told_apart(foun
     assert np.sqrt(np.mean(np.concatenate(own) ** 2)) > 5.0, "the load is felt far over the noise"
 
 
-def test_a_force_that_the_model_does_not_know_contradicts_it(found: Fitted) -> None:
-    """Something between motor and load holds the motor back for a few milliseconds in the middle of every move."""
+def with_more_torque(found: Fitted, more: Callable[[FloatArray], FloatArray]) -> Fitted:
+    """The fit on moves whose motor gives this torque besides [N m], by times [s]."""
     recording = found.moves[0].recording
     torque = recording.traces["X1", "motor_torque"]
-    pulse = np.zeros(len(torque))
-    for move in recording.moves:
-        into = (torque.time - move.start) / move.duration
-        pulse += 0.2 * move.direction * np.exp(-(((into - 0.4) / 0.03) ** 2))
-    disturbed = {**recording.traces, ("X1", "motor_torque"): Trace(torque.time, torque.value + pulse)}
-    moves = (replace(found.moves[0], recording=replace(recording, traces=disturbed)),)
+    more_of_it = Trace(torque.time, torque.value + more(torque.time))
+    disturbed = replace(recording, traces={**recording.traces, ("X1", "motor_torque"): more_of_it})
+    return replace(found, moves=(replace(found.moves[0], recording=disturbed),))
+
+
+def test_a_force_that_the_model_does_not_know_contradicts_it(found: Fitted) -> None:
+    """Something between motor and load holds the motor back for a few milliseconds in the middle of every move."""
+
+    def pulse(time: FloatArray) -> FloatArray:
+        out = np.zeros(len(time))
+        for move in found.moves[0].recording.moves:
+            into = (time - move.start) / move.duration
+            out += 0.2 * move.direction * np.exp(-(((into - 0.4) / 0.03) ** 2))
+        return out
+
     assert 0.5 < left_by_motors(found)[0] < CONTRADICTED
-    assert left_by_motors(replace(found, moves=moves))[0] > CONTRADICTED
+    assert left_by_motors(with_more_torque(found, pulse))[0] > CONTRADICTED
+
+
+def test_what_repeats_with_the_motors_position_is_taken_off_and_what_repeats_in_time_is_not(
+    found: Fitted,
+) -> None:
+    place = found.moves[0].plain[0]
+
+    def cogging(time: FloatArray) -> FloatArray:
+        return np.asarray(0.2 * np.sin(2.0 * np.pi * place(time) / 0.9e-3 + 1.0))
+
+    def humming(time: FloatArray) -> FloatArray:
+        return np.asarray(0.2 * np.sin(2.0 * np.pi * time / 9e-3))
+
+    cogs, hums = (left_by_motors(with_more_torque(found, more))[0] for more in (cogging, humming))
+    assert cogs < 0.6 * hums
 
 
 def test_without_torque_the_samples_alone_are_fitted_and_nothing_contradicts(found: Fitted) -> None:
