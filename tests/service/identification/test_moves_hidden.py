@@ -93,6 +93,22 @@ def test_of_a_gantry_one_side_may_have_the_second_gap(monkeypatch: pytest.Monkey
 
 
 @pytest.mark.parametrize(
+    ("together", "samples", "accepted"),
+    [((3.7, 1.1), 2.0, True), ((3.7, 1.2), 2.0, False), ((3.7, 1.1), 3.0, False)],
+    ids=["described", "not described", "samples gain little"],
+)
+def test_of_a_pinion_that_chatters_the_samples_of_the_other_moves_may_be_the_witness(
+    monkeypatch: pytest.MonkeyPatch, together: tuple[float, float], samples: float, accepted: bool
+) -> None:
+    """The motors gain a little there, in every move, but not half of what they leave."""
+    monkeypatch.setattr(moves_hidden, "closed", lambda _fitted: ())
+    trials = (trial(9.0, 3.5), trial(7.5, samples))
+    heard = (as_heard(trials[0]), as_heard(trials[1]))
+    judged = judged_by_motors("gearbox_clearance", Gain(together, (15.0, 1.1)), trials, heard, 20)
+    assert judged.accepted is accepted
+
+
+@pytest.mark.parametrize(
     ("of_motors", "held_out"), [((1.4, 1.3), 4.0), ((5.0, 2.0), 0.8)], ids=["fitted", "held out"]
 )
 def test_what_the_accelerometer_alone_gains_is_not_what_the_motors_speak_of(
