@@ -14,12 +14,12 @@ from service.identification.axis_verdict import LEFT_BY_ONE, SMALL, finding_of, 
 from service.identification.explanation import Accepted, AxisExplanation
 from service.identification.given_effects import LEFT, as_accepted, names_of, with_effects_of
 from service.identification.held_out import DESCRIBED, SEARCHED, Explained, trial_of
-from service.identification.moves_end import ended, settled_present
+from service.identification.moves_end import declared_end, ended
 from service.identification.moves_hidden import as_heard_by_motors, hidden
 from service.identification.moves_motors import CONTRADICTED, left_by_motors
 from service.identification.moves_search import challenged, describes_all, propose, without
 from service.identification.moves_starts import TOO_MUCH
-from service.identification.scene import Scene, declared_fit, scene_of
+from service.identification.scene import Scene, declared_fits, scene_of
 from service.identification.selection import Limits, Selection, Trial, distance, left, select, shown
 from service.recording import Recording
 
@@ -57,7 +57,7 @@ def explain_axes(
     with np.errstate(all="ignore"):  # a random machine may be unstable; its cost counts as infinite
         library = tuple(DRIVEN.values())
         scene = scene_of(train, validate, tuple(axes), tuple(axes) in validate.gantry, library)
-        before = ended(scene, trial_of(scene, settled_present(declared_fit(scene), 12)))
+        before = ended(scene, trial_of(scene, declared_end(declared_fits(scene), 12)))
         tell(f"declared model: RMS {before.train_rms:.3f}, held out {before.validation_rms:.3f} of the noise")
         if expected and accepted:
             tell(f"fitting the accepted model: {', '.join(expected)}")

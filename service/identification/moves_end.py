@@ -4,7 +4,7 @@ a wrong model drove it into.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -36,6 +36,8 @@ from service.identification.moves_starts import (
 from service.identification.scene import Scene
 from service.identification.selection import UNKNOWN_NUMBERS, Trial
 
+BY_SETTLING = 0.5
+"""Share of its RMS that a fit keeps when it is settled, below which others are settled beside it (chosen)."""
 MORE, GAIN = 3, 0.005
 """How often a fit of what swings is continued, each time with the swings that it leaves, and the share of its RMS that
 it must gain to be continued again."""
@@ -89,6 +91,17 @@ def settled_present(found: Fitted, rounds: int) -> Fitted:
     on = fit(reconstructed(found), found.model, found.at, rounds)
     on = over_ridges(on) if on.rms > SOUND else on
     return on if on.rms > SOUND else followed(on, rounds)
+
+
+def declared_end(fits: Iterable[Fitted], rounds: int) -> Fitted:
+    """Where the fits of the declared model end that is nearest: the first, or the best of all where settling takes most
+    of what it leaves, so that how near it came before says little."""
+    ends = list[Fitted]()
+    for found in fits:
+        ends.append(settled_present(found, rounds))
+        if ends[-1].rms > BY_SETTLING * found.rms:
+            break
+    return min(ends, key=lambda f: f.rms)
 
 
 def led_on(found: Fitted) -> Fitted:

@@ -15,7 +15,7 @@ from service.identification.given_effects import LEFT, begun_with, searched_for
 from service.identification.held_out import trial_of
 from service.identification.moves_end import OF_PRESENT, settled
 from service.identification.moves_starts import ROUNDS
-from service.identification.scene import Scene, declared_fit, scene_of
+from service.identification.scene import Scene, declared_fits, scene_of
 from service.recording import Recording
 
 
@@ -76,7 +76,7 @@ def _scene(recording: Recording, axes: Sequence[str]) -> Scene:
 
 def _searched(scene: Scene, effects: Sequence[str]) -> Fitted:
     """The model with the effects, found from nothing."""
-    declared = trial_of(scene, settled(declared_fit(scene), ROUNDS, OF_PRESENT))
+    declared = trial_of(scene, settled(next(declared_fits(scene)), ROUNDS, OF_PRESENT))
     return searched_for(scene, declared, effects).model.fitted
 
 

@@ -3,7 +3,7 @@ from which fits are started."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
@@ -198,14 +198,15 @@ def smooth_fit(
     return fit(reconstructed(found), model, found.at, ROUNDS // 2)
 
 
-def declared_fit(scene: Scene) -> Fitted:
-    """The declared model on all moves of all train recordings, from the best of the places."""
-    fits = [
+def declared_fits(scene: Scene) -> Iterator[Fitted]:
+    """Fits of the declared model to all moves of all train recordings, from each of the places: each is only made when
+    it is asked for, and the nearest after a few rounds comes first."""
+    begun = [
         fit(scene.train, scene.declared, point_at(scene.declared, place, scene.train), FIRST_ROUNDS)
         for place in scene.places
     ]
-    best = min(fits, key=lambda f: f.rms)
-    return fit(scene.train, scene.declared, best.at, ROUNDS - FIRST_ROUNDS)
+    for first in sorted(begun, key=lambda f: f.rms):
+        yield fit(scene.train, scene.declared, first.at, ROUNDS - FIRST_ROUNDS)
 
 
 def scene_of(

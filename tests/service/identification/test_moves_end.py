@@ -97,6 +97,25 @@ def test_a_declared_model_that_lacks_something_is_looked_for_elsewhere_and_not_f
 
 
 @pytest.mark.parametrize(
+    ("ends", "settled", "nearest"),
+    [({15.8: 3.3, 16.9: 3.2, 17.0: 6.3}, 3, 3.2), ({2.7: 2.69, 2.8: 2.6}, 1, 2.69), ({16.0: 3.0}, 1, 3.0)],
+    ids=["most goes by settling", "the first is the nearest", "there is one"],
+)
+def test_other_fits_of_the_declared_model_are_settled_where_that_decides_how_near_they_come(
+    monkeypatch: pytest.MonkeyPatch, ends: dict[float, float], settled: int, nearest: float
+) -> None:
+    asked = list[float]()
+
+    def end_of(found: Any, _rounds: int) -> Any:
+        asked.append(found.rms)
+        return stub(ends[found.rms])
+
+    monkeypatch.setattr(moves_end, "settled_present", end_of)
+    assert moves_end.declared_end(map(stub, ends), 12).rms == nearest
+    assert len(asked) == settled
+
+
+@pytest.mark.parametrize(
     ("rms", "nearer", "asked", "reached"),
     [
         (1.2, 0.5, 0, 1.2),

@@ -38,7 +38,7 @@ def test_the_value_with_the_effect_is_that_of_the_machine_and_another_search_may
 
     def lost(scene: revise.Scene, _: Sequence[str]) -> revise.Fitted:
         """The search for the run ends nowhere, the one for the other recording where it should."""
-        return revise.declared_fit(scene) if scene.validate.noise[0] == noise_of_run else ended[0]
+        return next(revise.declared_fits(scene)) if scene.validate.noise[0] == noise_of_run else ended[0]
 
     monkeypatch.setattr(revise, "_searched", lost)
     assert not revised_values(run, ("X1",), ("constant_force",))["X1"].explained
