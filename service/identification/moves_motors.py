@@ -15,11 +15,12 @@ CONTRADICTED = 1.5
 """What a motor's equation of motion may leave, over the noise, with the force that a model makes: where it is more,
 something may be hidden between motor and load (chosen: clean machines leave 1.0 to 1.3, those with impurities up to 7,
 and those with two gaps 1.8 and more)."""
-
-
 FINEST = 3e-4
 """Shortest length [m] that is looked for in what repeats with a motor's position: its poles and slots are twenty to
 a hundred of a turn, and a speed that is sampled each millisecond hardly shows shorter ones (chosen)."""
+OFTENEST = 500.0
+"""How often at most it is looked for within the span of the moves, so that those all along a rack take no longer
+(chosen)."""
 
 
 def left_by_motors(found: Fitted) -> FloatArray:
@@ -77,7 +78,7 @@ def without_cogging(rows: Sequence[MotorRows], left: Sequence[FloatArray]) -> li
         both = np.concatenate(acts, axis=1)
         return np.asarray(np.linalg.lstsq(both.T, whole, rcond=None)[0] @ both)
 
-    coarse, fine = np.arange(1.0, span / FINEST, 0.25), np.linspace(-0.25, 0.25, 17)
+    coarse, fine = np.arange(1.0, min(span / FINEST, OFTENEST), 0.25), np.linspace(-0.25, 0.25, 17)
     near = max(coarse, key=lambda waves: float(np.sum(cogs(waves) ** 2)), default=1.0)
     best = max(near + fine, key=lambda waves: float(np.sum(cogs(waves) ** 2)))
     return np.split(whole - cogs(best), ends)
