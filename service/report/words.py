@@ -134,6 +134,10 @@ def named(effects: Sequence[str]) -> str:
     return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else "".join(names)
 
 
+NOISE_ALONE = 1.5
+"""Held-out error over the noise up to which a run is explained by its noise (chosen)."""
+
+
 def finding_in_words(found: Mapping[str, Any]) -> str:
     """Say what an explanation found for one axis (an element of ``axes`` in its JSON), and what that was accepted does
     not show."""
@@ -150,7 +154,14 @@ def _finding(found: Mapping[str, Any]) -> str:
     accepted = found.get("accepted", ())
     model = f"accepted model (with {named(accepted)})" if accepted else "declared model"
     if found["finding"] == "none":
-        return f"Nothing is missing: the {model} explains the run up to the sensor's noise."
+        times = found["before"]["validation_rms"] / found["noise_rms"]
+        if times <= NOISE_ALONE:
+            return f"Nothing is missing: the {model} explains the run up to the sensor's noise."
+        return (
+            f"Nothing that matters to the backlash was found missing: the {model} explains the run up to "
+            f"{times:.1f} times the sensor's noise. An uneven tooth mesh leaves as much, or friction that is not known "
+            "exactly."
+        )
     if found["finding"] == "unknown":
         where = f"Something is missing in the {model}" if accepted else "Something is missing"
         return (

@@ -53,7 +53,10 @@ def test_findings_in_words() -> None:
     assert "look alike" in finding_in_words(
         axis | {"indistinguishable": [["sensor_latency", "speed_filter"]]}
     )
-    assert finding_in_words(axis | {"finding": "none"}).startswith("Nothing is missing")
+    for times, said in ((1.1, "Nothing is missing"), (3.0, "Nothing that matters to the backlash")):
+        left = axis["before"] | {"validation_rms": times * axis["noise_rms"]}
+        assert finding_in_words(axis | {"finding": "none", "before": left}).startswith(said)
+    assert " 3.0 times the sensor's noise" in finding_in_words(axis | {"finding": "none", "before": left})
     assert "no effect that Flankwatch knows" in finding_in_words(axis | {"finding": "unknown"})
     revised = axis | {"accepted": ["hung_mass_mode"]}
     assert finding_in_words(revised).startswith(
