@@ -62,7 +62,7 @@ def while_moving(rows: Sequence[MotorRows], left: Sequence[FloatArray]) -> list[
 
 def without_cogging(rows: Sequence[MotorRows], left: Sequence[FloatArray]) -> list[FloatArray]:
     """What is left of the moves (n,) of one motor without the one force that repeats with its position, in all moves
-    alike, and takes the most away: every motor cogs, and nothing between it and the load does so."""
+    alike, and takes the most away: every motor cogs, and gaps that are crossed show at times and hardly so."""
     ends, whole = np.cumsum([len(one) for one in left])[:-1], np.concatenate(left)
     if not np.isfinite(whole).all():
         return list(left)

@@ -199,8 +199,8 @@ def smooth_fit(
 
 
 def declared_fits(scene: Scene) -> Iterator[Fitted]:
-    """Fits of the declared model to all moves of all train recordings, from each of the places: each is only made when
-    it is asked for, and the nearest after a few rounds comes first."""
+    """Fits of the declared model to all moves of all train recordings, from each of the places: the nearest after a few
+    rounds comes first, and each is only continued when it is asked for."""
     begun = [
         fit(scene.train, scene.declared, point_at(scene.declared, place, scene.train), FIRST_ROUNDS)
         for place in scene.places

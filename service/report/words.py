@@ -154,13 +154,12 @@ def _finding(found: Mapping[str, Any]) -> str:
     accepted = found.get("accepted", ())
     model = f"accepted model (with {named(accepted)})" if accepted else "declared model"
     if found["finding"] == "none":
-        times = found["before"]["validation_rms"] / found["noise_rms"]
-        if times <= NOISE_ALONE:
+        left, noise = found["before"]["validation_rms"], found["noise_rms"]
+        if not noise or left <= NOISE_ALONE * noise:
             return f"Nothing is missing: the {model} explains the run up to the sensor's noise."
         return (
-            f"Nothing that matters to the backlash was found missing: the {model} explains the run up to "
-            f"{times:.1f} times the sensor's noise. An uneven tooth mesh leaves as much, or friction that is not known "
-            "exactly."
+            f"Nothing that matters was found missing: the {model} explains the run up to {left / noise:.1f} times the "
+            "sensor's noise, as small impurities leave it that every machine has."
         )
     if found["finding"] == "unknown":
         where = f"Something is missing in the {model}" if accepted else "Something is missing"

@@ -53,7 +53,7 @@ def test_findings_in_words() -> None:
     assert "look alike" in finding_in_words(
         axis | {"indistinguishable": [["sensor_latency", "speed_filter"]]}
     )
-    for times, said in ((1.1, "Nothing is missing"), (3.0, "Nothing that matters to the backlash")):
+    for times, said in ((1.1, "Nothing is missing"), (3.0, "Nothing that matters")):
         left = axis["before"] | {"validation_rms": times * axis["noise_rms"]}
         assert finding_in_words(axis | {"finding": "none", "before": left}).startswith(said)
     assert " 3.0 times the sensor's noise" in finding_in_words(axis | {"finding": "none", "before": left})
