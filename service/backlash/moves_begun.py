@@ -14,16 +14,20 @@ from service.backlash.moves_fit import (
     CLOSE_PLACES,
     Fitted,
     Point,
+    best_of_each,
     fit,
     limits,
     reconstructed,
     resting,
     rests_found,
+    rms_of_moves,
 )
 from service.dynamics.driven_model import Model
 from service.recording import FloatArray
 
 Values = Mapping[str, float]
+OUTSTANDING = 1.25
+"""RMS of a move, over the median of all, from which on it is begun anew (chosen)."""
 
 
 def point_at(model: Model, values: Values, moves: Sequence[Moves]) -> Point:
@@ -45,6 +49,17 @@ def resettled(moves: Sequence[Moves], model: Model, at: Point) -> Fitted:
         moves = reconstructed(found)
         found = fit(moves, model, rests_found(moves, model, found.at, CLOSE_PLACES), 4, free=held)
     return found
+
+
+def begun_anew(found: Fitted) -> Fitted:
+    """The fit, and where one of its moves stands out, every move begun where it rests by the fit's own numbers: one
+    move that began a swing too early or too late draws the shared numbers after it, and all others with them."""
+    of_moves = rms_of_moves(found)
+    if np.max(of_moves) < OUTSTANDING * np.median(of_moves):
+        return found
+    at = rests_found(found.moves, found.model, found.at, CLOSE_PLACES)
+    anew = fit(found.moves, found.model, at, 4, free=np.zeros(0, dtype=np.int64))
+    return fit(found.moves, found.model, best_of_each([found, anew]), 0, free=found.free)
 
 
 def with_expected_errors(moves: Moves, found: Fitted, fitted: bool) -> Moves:

@@ -37,6 +37,9 @@ HIDDEN = tuple(kind for kind in DRIVEN.values() if kind.many_valleys)
 """What the declared model may hide in the moves that are fitted: it makes one gap of two in series, as wide as both.
 Asked for by the motors, and where no torque was recorded and the other moves are not described as well, although
 numbers that are not known could do that, too."""
+PLAINLY = 2.5
+"""How many times more the motors' equations leave than the samples from which on what is hidden is asked for first
+(chosen)."""
 OF_HIDDEN = replace(LIMITS, material=0.05)
 """Where so little is left there is less to remove (chosen)."""
 
@@ -102,10 +105,15 @@ def missing_in(
     if by_motors > CONTRADICTED and before.train_rms < TOO_MUCH:
         tell(f"the motors' equations of motion leave {by_motors:.1f} of the noise")
         witnessed = as_heard_by_motors(before).validation_rms > 0.0
+        found = None
+        if witnessed and by_motors > PLAINLY * before.train_rms:
+            found = hidden(scene, before, HIDDEN, len(DRIVEN), tell)
+            if found.effects and describes_motors(found.after):
+                return found
         beside = searched(scene, before, tell, LIMITS, but=HIDDEN if witnessed else ())
         if beside.effects and describes_motors(beside.after):
             return beside
-        found = hidden(scene, before, HIDDEN, len(DRIVEN), tell)
+        found = found or hidden(scene, before, HIDDEN, len(DRIVEN), tell)
         described = found.after.validation_rms <= max(LEFT, beside.after.validation_rms)
         if found.effects and (described or finding_of(beside)[0] != "effect"):
             return found

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from service.backlash.moves_begun import Values, expecting_its_own, point_at, shared_at
+from service.backlash.moves_begun import Values, begun_anew, expecting_its_own, point_at, shared_at
 from service.backlash.moves_fit import Fitted, Point, fit, reconstructed, values_at, zeros_alike
 from service.dynamics.driven_model import LINKS
 from service.identification.held_out import DESCRIBED, NEAR, Explained, overdamped, trial_of
@@ -77,6 +77,7 @@ AS_WELL = 1.1
 def settled(found: Fitted, rounds: int, ridges: tuple[float, float] = OF_ADDED) -> Fitted:
     """The fit continued with the motors' motion reconstructed from it, and where it is not near, in another valley:
     between RMS of `ridges`, of what swings from the least on; a caller that looks for it next, or has, gives others."""
+    found = begun_anew(found)
     on = fit(reconstructed(found), found.model, found.at, rounds)
     first, last = ridges
     if (ENDED if swings_at_all(on.model) else first) <= on.rms < last:

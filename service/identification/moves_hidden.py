@@ -76,7 +76,7 @@ def otherwise_divided(found: Fitted) -> Fitted:
     """The fit, or the nearest that begins with its play otherwise divided between the two gaps, by samples and motors
     together, then from near by, as long as that is nearer: a few moves choose where all are fitted."""
     for turn in range(DIVIDED):
-        if found.rms_with_motors < DESCRIBED:
+        if found.rms_with_motors < 1.0:
             break
         few, own = asked(found), (own_of_few(found),)
         begun = (begun_at(few, found.model, values, own) for values in divisions(found, near_by=turn > 0))
@@ -190,7 +190,8 @@ def judged_by_motors(
     """The judgement on an effect by the trials of the model without it and with it, and as the motors hear them."""
     (before, after), (of_before, of_after) = trials, heard
     p_value = min(1.0, of_all * gain_p_value(of_before, of_after))
-    if not (gain.is_of(PART) and of_before.validation_rms > CONTRADICTED):
+    contradicted = of_before.validation_rms > CONTRADICTED * min(1.0, of_after.validation_rms)
+    if not (gain.is_of(PART) and contradicted):
         why = "leaves the motors' equations of motion as they are"
     elif not (explained(of_before, of_after, PART) or told_by_samples(gain, before, after)):
         why = "takes from the motors' equations of motion in the moves that were fitted only"

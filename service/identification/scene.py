@@ -16,7 +16,7 @@ from service.backlash.model_fit_gantry import gantry_fit
 from service.backlash.model_fit_stages import Staged, staged_fit
 from service.backlash.model_fit_start import closed_form
 from service.backlash.moves import TAIL, Moves, moves_of
-from service.backlash.moves_begun import Values, point_at, resettled, with_expected_errors
+from service.backlash.moves_begun import Values, begun_anew, point_at, resettled, with_expected_errors
 from service.backlash.moves_fit import (
     Fitted,
     fit,
@@ -202,7 +202,7 @@ def declared_fits(scene: Scene) -> Iterator[Fitted]:
     """Fits of the declared model to all moves of all train recordings, from each of the places: the nearest after a few
     rounds comes first, and each is only continued when it is asked for."""
     begun = [
-        fit(scene.train, scene.declared, point_at(scene.declared, place, scene.train), FIRST_ROUNDS)
+        begun_anew(fit(scene.train, scene.declared, point_at(scene.declared, place, scene.train), FIRST_ROUNDS))
         for place in scene.places
     ]
     for first in sorted(begun, key=lambda f: f.rms):
