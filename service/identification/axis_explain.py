@@ -90,7 +90,8 @@ def missing_in(
     """What is missing in the model that is declared, or that was accepted. A zero that is seen to wander at rest is
     asked for first. Where the motors' equations of motion do not hold, and nothing is found with which they do, what
     may be hidden is asked for: it has its name if the other moves are described with it, too, or if nothing else is
-    found that describes them better, and is a hint otherwise. Where no torque was recorded and only numbers may do it
+    found that describes them better, and is a hint otherwise. Where they speak of it plainly it is asked for first, and
+    if all moves and their motors are described with it, nothing else. Where no torque was recorded and only numbers may do it
     that are not known, nothing but that. What accepted effects leave is the next one's only where it is more than a law
     leaves that differs a little from the machine's, as after a first effect."""
     if scene.zero_wanders and DrivenBias.name not in accepted:
@@ -105,7 +106,7 @@ def missing_in(
     if by_motors > CONTRADICTED and before.train_rms < TOO_MUCH:
         tell(f"the motors' equations of motion leave {by_motors:.1f} of the noise")
         witnessed = as_heard_by_motors(before).validation_rms > 0.0
-        found = None
+        found: Selection[Explained] | None = None
         if witnessed and by_motors > PLAINLY * before.train_rms:
             found = hidden(scene, before, HIDDEN, len(DRIVEN), tell)
             if found.effects and describes_motors(found.after):

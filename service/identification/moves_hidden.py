@@ -187,7 +187,8 @@ def judged_by_motors(
     heard: tuple[Trial[Explained], Trial[Explained]],
     of_all: int,
 ) -> Candidate:
-    """The judgement on an effect by the trials of the model without it and with it, and as the motors hear them."""
+    """The judgement on an effect by the trials of the model without it and with it, and as the motors hear them: over
+    what is left of these with it, where that is less than the noise of their equations was put at."""
     (before, after), (of_before, of_after) = trials, heard
     p_value = min(1.0, of_all * gain_p_value(of_before, of_after))
     contradicted = of_before.validation_rms > CONTRADICTED * min(1.0, of_after.validation_rms)

@@ -202,7 +202,9 @@ def declared_fits(scene: Scene) -> Iterator[Fitted]:
     """Fits of the declared model to all moves of all train recordings, from each of the places: the nearest after a few
     rounds comes first, and each is only continued when it is asked for."""
     begun = [
-        begun_anew(fit(scene.train, scene.declared, point_at(scene.declared, place, scene.train), FIRST_ROUNDS))
+        begun_anew(
+            fit(scene.train, scene.declared, point_at(scene.declared, place, scene.train), FIRST_ROUNDS)
+        )
         for place in scene.places
     ]
     for first in sorted(begun, key=lambda f: f.rms):

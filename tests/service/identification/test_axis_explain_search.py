@@ -42,7 +42,8 @@ def heard(monkeypatch: pytest.MonkeyPatch, left: float = 5.0) -> None:
         ((0.97, 1.22), (), False, ["all"], 1.2),
         ((0.97, 1.12), (), False, ["all"], 1.2),
         ((1.1, 1.22), (), False, ["all"], 1.2),
-        ((0.97, 1.12), (), False, ["all but hidden", "motors"], 3.0),
+        ((1.21, 1.25), (), False, ["all but hidden", "motors"], 3.0),
+        ((0.97, 1.12), (), False, ["motors", "all but hidden"], 3.0),
         ((1.6, 1.7), (), False, ["all but hidden", "motors"], 3.0),
         ((1.6, 1.7), (), True, ["zero", "all but hidden", "motors"], 3.0),
         ((4.1, 5.0), (), False, ["all"], 3.0),
@@ -162,7 +163,7 @@ def test_what_describes_the_motors_too_hides_nothing(
     monkeypatch: pytest.MonkeyPatch, held_out: float, by_motors: float, names: tuple[str, ...], asked: bool
 ) -> None:
     before, after, hidden = trial(1.1, 1.4), trial(1.0, held_out), []
-    left = {id(before): 5.0, id(after): by_motors}
+    left = {id(before): 2.7, id(after): by_motors}
     for one in (before, after):
         one.model.fitted = one
     beside = Selection(before, after, names, (), ())
@@ -175,3 +176,47 @@ def test_what_describes_the_motors_too_hides_nothing(
     scene: Any = SimpleNamespace(zero_wanders=False)
     assert missing_in(scene, before, (), lambda _text: None).effects == names
     assert bool(hidden) == asked
+
+
+@pytest.mark.parametrize(
+    ("motors", "held_out", "after_by_motors", "names", "beside_asked"),
+    [
+        (5.0, 1.1, 1.4, ("gearbox_clearance",), False),
+        (5.0, 1.2, 1.4, ("gearbox_clearance",), True),
+        (5.0, 1.1, 1.6, ("gearbox_clearance",), True),
+        (5.0, 1.1, 1.4, (), True),
+        (2.7, 1.1, 1.4, ("gearbox_clearance",), True),
+    ],
+    ids=["plain", "other moves not", "motors not", "nothing hidden", "not plain"],
+)
+def test_what_the_motors_speak_of_plainly_is_asked_for_first_and_taken_if_it_describes_all(
+    monkeypatch: pytest.MonkeyPatch,
+    motors: float,
+    held_out: float,
+    after_by_motors: float,
+    names: tuple[str, ...],
+    beside_asked: bool,
+) -> None:
+    before, after, asked = trial(1.1, 1.4), trial(1.0, held_out), []
+    left = {id(before): motors, id(after): after_by_motors}
+    for one in (before, after):
+        one.model.fitted = one
+    of_motors = Selection(before, after if names else before, names, (), ())
+    heard(monkeypatch)
+    monkeypatch.setattr(axis_explain, "left_by_motors", lambda of: np.array([0.5, left[id(of)]]))
+    monkeypatch.setattr(axis_explain, "finding_of", lambda _found: ("none", ()))
+
+    def searched(*_: Any, **__: Any) -> Selection[Any]:
+        asked.append("beside")
+        return Selection(before, before, (), (), ())
+
+    def hidden(*_: Any) -> Selection[Any]:
+        asked.append("motors")
+        return of_motors
+
+    monkeypatch.setattr(axis_explain, "searched", searched)
+    monkeypatch.setattr(axis_explain, "hidden", hidden)
+    found = missing_in(SimpleNamespace(zero_wanders=False), before, (), lambda _text: None)  # type: ignore[arg-type]
+    assert found.effects == names
+    first = ["motors", "beside"] if motors == 5.0 else ["beside", "motors"]
+    assert asked == (first if beside_asked else ["motors"]), "what is hidden is searched once"

@@ -11,6 +11,7 @@ import pytest
 
 from service.backlash.expected_errors import WAYS, expected_errors, speed_errors, wander_of
 from service.backlash.moves import (
+    REST_SPREAD,
     Moves,
     early_part,
     moves_of,
@@ -18,7 +19,7 @@ from service.backlash.moves import (
     residuals,
     sensor_zero,
 )
-from service.backlash.moves_begun import shared_at
+from service.backlash.moves_begun import begun_anew, shared_at
 from service.backlash.moves_fit import (
     Fitted,
     Point,
@@ -31,6 +32,7 @@ from service.backlash.moves_fit import (
     limits,
     reconstructed,
     rests_found,
+    rms_of_moves,
     settle_locally,
     stopped,
     within,
@@ -282,6 +284,21 @@ def test_a_pinion_that_rested_at_the_far_side_of_its_gap_is_found_there(found: F
     )
     again = rests_found([made], model, Point(at.shared, (np.zeros_like(own),))).local[0]
     assert np.mean(again[:, 2] == own[0, 2]) >= 0.8
+
+
+def test_a_move_that_begins_at_the_wrong_flank_stands_out_and_is_begun_anew(found: Fitted) -> None:
+    """It alone: all others, and all shared numbers, are where they were. Where none stands out, all are."""
+    held = np.zeros(0, dtype=np.int64)
+    own = fit(found.moves, found.model, found.at, 8, free=held)
+    assert begun_anew(own) is own
+    local = own.at.local[0].copy()
+    local[3, 0] += found.value("X1.backlash") / REST_SPREAD[0]
+    wrong = fit(found.moves, found.model, Point(own.at.shared, (local,)), 0)
+    assert rms_of_moves(wrong)[3] > 3.0 * rms_of_moves(own)[3]
+    again = begun_anew(wrong)
+    np.testing.assert_allclose(rms_of_moves(again), rms_of_moves(own), rtol=0.05)
+    np.testing.assert_array_equal(again.at.shared, own.at.shared)
+    np.testing.assert_array_equal(again.free, wrong.free)
 
 
 def test_an_amount_has_no_limit_that_a_machine_may_reach(found: Fitted) -> None:

@@ -63,6 +63,7 @@ def test_a_fit_goes_on_from_where_it_stands_and_in_another_valley_only_if_it_is_
     """What stays hopeless is not followed further, and with an added effect not looked for elsewhere."""
     over: list[float] = []
     later: list[str] = []
+    monkeypatch.setattr(moves_end, "begun_anew", lambda found: found)
     monkeypatch.setattr(moves_end, "reconstructed", lambda found: found.moves)
     monkeypatch.setattr(moves_end, "fit", lambda *_: stub(on))
     monkeypatch.setattr(moves_end, "over_ridges", lambda f: over.append(f.rms) or stub(elsewhere))

@@ -122,6 +122,18 @@ def test_what_the_accelerometer_alone_gains_is_not_what_the_motors_speak_of(
     assert (judged.accepted, judged.why) == (False, "leaves the motors' equations of motion as they are")
 
 
+@pytest.mark.parametrize(("after", "accepted"), [(0.5, True), (1.1, False)], ids=["put too high", "right"])
+def test_how_loud_the_motors_are_is_judged_over_what_is_left_of_them_where_their_noise_is_put_too_high(
+    monkeypatch: pytest.MonkeyPatch, after: float, accepted: bool
+) -> None:
+    """1.3 of a noise of which the right model leaves half speak as loud as 2.6."""
+    monkeypatch.setattr(moves_hidden, "closed", lambda _fitted: ())
+    trials = (trial(1.3, 1.4), trial(after, 1.0))
+    heard = (as_heard(trials[0]), as_heard(trials[1]))
+    judged = judged_by_motors("gearbox_clearance", Gain((1.8, 1.0), (3.3, 1.2)), trials, heard, 20)
+    assert judged.accepted is accepted
+
+
 def test_a_gain_that_few_samples_show_is_chance(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(moves_hidden, "closed", lambda _fitted: ())
     noisy = replace(trial(4.0), validation_blocks=np.array([1.0, 60.0, 2.0]), independent=3.0)
@@ -243,7 +255,7 @@ def test_all_play_is_divided_from_end_to_end_and_then_near_by(
     assert {"X1.contact_damping_ratio" in one for one in begun} == {near_by}, "the wrong division's corner"
 
 
-@pytest.mark.parametrize(("rms", "turns"), [(2.0, 2), (1.1, 0)])
+@pytest.mark.parametrize(("rms", "turns"), [(2.0, 2), (0.99, 0)])
 def test_play_is_divided_otherwise_as_long_as_that_is_nearer(
     monkeypatch: pytest.MonkeyPatch, rms: float, turns: int
 ) -> None:
