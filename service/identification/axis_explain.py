@@ -88,12 +88,10 @@ def missing_in(
     scene: Scene, before: Trial[Explained], accepted: Sequence[str], tell: Callable[[str], None]
 ) -> Selection[Explained]:
     """What is missing in the model that is declared, or that was accepted. A zero that is seen to wander at rest is
-    asked for first. Where the motors' equations of motion do not hold, and nothing is found with which they do, what
-    may be hidden is asked for: it has its name if the other moves are described with it, too, or if nothing else is
-    found that describes them better, and is a hint otherwise. Where they speak of it plainly it is asked for first, and
-    if all moves and their motors are described with it, nothing else. Where no torque was recorded and only numbers may do it
-    that are not known, nothing but that. What accepted effects leave is the next one's only where it is more than a law
-    leaves that differs a little from the machine's, as after a first effect."""
+    asked for first, and the motors where their equations of motion do not hold. Where no torque was recorded and only
+    numbers may do it that are not known, nothing is asked for but what may be hidden. What accepted effects leave is
+    the next one's only where it is more than a law leaves that differs a little from the machine's, as after a first
+    effect."""
     if scene.zero_wanders and DrivenBias.name not in accepted:
         tell("the accelerometer's zero wanders while the axis rests")
         found = searched(scene, before, tell, LIMITS, first=(DrivenBias,))
@@ -105,24 +103,32 @@ def missing_in(
     by_motors = float(np.max(left_by_motors(before.model.fitted)))
     if by_motors > CONTRADICTED and before.train_rms < TOO_MUCH:
         tell(f"the motors' equations of motion leave {by_motors:.1f} of the noise")
-        witnessed = as_heard_by_motors(before).validation_rms > 0.0
-        found: Selection[Explained] | None = None
-        if witnessed and by_motors > PLAINLY * before.train_rms:
-            found = hidden(scene, before, HIDDEN, len(DRIVEN), tell)
-            if found.effects and describes_motors(found.after):
-                return found
-        beside = searched(scene, before, tell, LIMITS, but=HIDDEN if witnessed else ())
-        if beside.effects and describes_motors(beside.after):
-            return beside
-        found = found or hidden(scene, before, HIDDEN, len(DRIVEN), tell)
-        described = found.after.validation_rms <= max(LEFT, beside.after.validation_rms)
-        if found.effects and (described or finding_of(beside)[0] != "effect"):
-            return found
-        hinted = found.hinted or bool(found.effects)
-        return replace(beside, candidates=beside.candidates + found.candidates, hinted=hinted)
+        return contradicted(scene, before, by_motors > PLAINLY * before.train_rms, tell)
     if shown(before) <= SEARCHED and before.validation_rms > DESCRIBED and not by_motors:
         return searched(scene, before, tell, OF_HIDDEN, first=HIDDEN)
     return searched(scene, before, tell, LIMITS)
+
+
+def contradicted(
+    scene: Scene, before: Trial[Explained], plainly: bool, tell: Callable[[str], None]
+) -> Selection[Explained]:
+    """What is missing where the motors contradict the model. If nothing is found with which their equations of motion
+    hold, what may be hidden is asked for: it has its name if the other moves are described with it, too, or if nothing
+    else is found that describes them better, and is a hint otherwise. Where they speak `plainly` it is asked for first,
+    and nothing else if all moves and their motors are described with it."""
+    witnessed = as_heard_by_motors(before).validation_rms > 0.0
+    first = hidden(scene, before, HIDDEN, len(DRIVEN), tell) if plainly and witnessed else None
+    if first and first.effects and describes_motors(first.after):
+        return first
+    beside = searched(scene, before, tell, LIMITS, but=HIDDEN if witnessed else ())
+    if beside.effects and describes_motors(beside.after):
+        return beside
+    found = first or hidden(scene, before, HIDDEN, len(DRIVEN), tell)
+    described = found.after.validation_rms <= max(LEFT, beside.after.validation_rms)
+    if found.effects and (described or finding_of(beside)[0] != "effect"):
+        return found
+    hinted = found.hinted or bool(found.effects)
+    return replace(beside, candidates=beside.candidates + found.candidates, hinted=hinted)
 
 
 def describes_motors(trial: Trial[Explained]) -> bool:
