@@ -22,7 +22,7 @@ from service.identification.moves_rests import (
     swinging_on,
     swings_at_all,
 )
-from service.identification.moves_ridges import other_sizes, over_ridges, put_back
+from service.identification.moves_ridges import other_sizes, over_ridges, put_back, swinging_otherwise
 from service.identification.moves_starts import (
     ROUNDS,
     SUMMED,
@@ -114,6 +114,7 @@ def led_on(found: Fitted) -> Fitted:
             break
         on = over_ridges(found)
         on = over_ridges(found, other_sizes) if on.rms > RIDGE * found.rms else on
+        on = swinging_otherwise(found) if on.rms > RIDGE * found.rms else on
         further = followed(on, ROUNDS) if on.rms <= RIDGE * found.rms else found
         if further.rms >= found.rms:
             break

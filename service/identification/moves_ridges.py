@@ -14,6 +14,8 @@ import numpy as np
 
 from service.backlash.moves_begun import Values, shared_at
 from service.backlash.moves_fit import Fitted, Point, fit, limits, values_at
+from service.dynamics.driven_model import DrivenEffect
+from service.dynamics.driven_parameters import Parameter
 from service.identification.held_out import overdamped
 from service.identification.moves_starts import (
     BRIEF,
@@ -37,6 +39,9 @@ CHAINS, WIDTHS = 20, (0.1, 1.0)
 """How many beginnings are tried, and between which shares of the priors' widths they differ (chosen)."""
 FOLLOWED, LAST = 6, 2
 """How many of them are followed by as many rounds as starts are compared with, and how many of those to their end."""
+FREQUENCIES = np.geomspace(6.0, 120.0, 28)
+"""At which an effect is begun that swings otherwise than found [Hz] (chosen: from twice as far off, a fit of few moves
+ends in another valley)."""
 NEARER = 0.99
 """How much nearer to a few moves another valley must be (chosen; all moves decide)."""
 
@@ -54,10 +59,40 @@ def over_ridges(found: Fitted, others: Callable[[Fitted], Iterator[FloatArray]] 
     alive += [
         speeds_first(few, found.model, at, lasting, BRIEF) for at in (here.at, back[-1]) for lasting in SUMMED
     ]
-    best = leading([fit(few, found.model, one.at, ROUNDS) for one in leading(alive, LAST)], 1)[0]
+    return if_nearer(found, here, [fit(few, found.model, one.at, ROUNDS) for one in leading(alive, LAST)])
+
+
+def if_nearer(found: Fitted, here: Fitted, others: Sequence[Fitted]) -> Fitted:
+    """The fit, or the one that is begun where the best of `others` ended on a few moves, if that is nearer to these
+    than the fit `here`, and to all moves, too."""
+    best = leading(others, 1)[0]
     if best.rms > NEARER * here.rms:
         return found
     return min(found, fitted_from(found, values_at(best), ROUNDS), key=lambda f: f.rms)
+
+
+def swinging_otherwise(found: Fitted) -> Fitted:
+    """The same with a last effect that swings at any other frequency, as strong as it may well be, and out of the
+    corners that the wrong one drove the machine into: by a few moves one frequency is as good as the next but near the
+    right one, and how near a fit comes from there its first rounds do not say."""
+    effect = found.model.effects[-1]
+    if effect.free_swing is None:
+        return found
+    few, own = fewer(found), {p.name for p in effect.parameters}
+    here = fit(few, found.model, Point(found.at.shared, (own_of_few(found),)), BRIEF)
+    machine = {name: v for name, v in put_back(found).items() if name not in own}
+    machine |= {p.name: p.spread for p in effect.parameters if p.dose and p.low >= 0.0}
+    begun = [
+        begun_at(few, found.model, {**machine, **{p.name: hz for p in effect.parameters if swings_by(p, effect)}})
+        for hz in FREQUENCIES
+    ]
+    tried = leading([fit(few, found.model, at, BRIEF) for at in begun], FOLLOWED)
+    return if_nearer(found, here, [fit(few, found.model, one.at, ROUNDS) for one in tried])
+
+
+def swings_by(parameter: Parameter, effect: DrivenEffect) -> bool:
+    """Whether a parameter is the frequency of what swings freely."""
+    return effect.free_swing is not None and parameter.name.rpartition(".")[2] == effect.free_swing[0]
 
 
 def put_back(found: Fitted, too: Collection[str] = ()) -> Values:
