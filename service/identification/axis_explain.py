@@ -15,7 +15,7 @@ from service.identification.explanation import Accepted, AxisExplanation
 from service.identification.given_effects import LEFT, as_accepted, names_of, with_effects_of
 from service.identification.held_out import DESCRIBED, SEARCHED, Explained, trial_of
 from service.identification.moves_end import declared_end, ended
-from service.identification.moves_hidden import as_heard_by_motors, hidden
+from service.identification.moves_hidden import as_heard_by_motors, hidden, swinging
 from service.identification.moves_motors import CONTRADICTED, left_by_motors
 from service.identification.moves_search import challenged, describes_all, propose, without
 from service.identification.moves_starts import TOO_MUCH
@@ -37,6 +37,8 @@ HIDDEN = tuple(kind for kind in DRIVEN.values() if kind.many_valleys)
 """What the declared model may hide in the moves that are fitted: it makes one gap of two in series, as wide as both.
 Asked for by the motors, and where no torque was recorded and the other moves are not described as well, although
 numbers that are not known could do that, too."""
+SWINGING = tuple(kind for kind in DRIVEN.values() if kind.free_swing is not None)
+"""What swings, and is asked for at all frequencies where nothing else is found with which the motors agree."""
 PLAINLY = 2.5
 """How many times more the motors' equations leave than the samples from which on what is hidden is asked for first
 (chosen)."""
@@ -113,9 +115,10 @@ def contradicted(
     scene: Scene, before: Trial[Explained], plainly: bool, tell: Callable[[str], None]
 ) -> Selection[Explained]:
     """What is missing where the motors contradict the model. If nothing is found with which their equations of motion
-    hold, what may be hidden is asked for: it has its name if the other moves are described with it, too, or if nothing
-    else is found that describes them better, and is a hint otherwise. Where they speak `plainly` it is asked for first,
-    and nothing else if all moves and their motors are described with it."""
+    hold, what swings is asked for at all frequencies, and taken if they hold with it; then what may be hidden: it has
+    its name if the other moves are described with it, too, or if nothing else is found that describes them better, and
+    is a hint otherwise. Where they speak `plainly` this is asked for first, and nothing else if all moves and their
+    motors are described with it."""
     witnessed = as_heard_by_motors(before).validation_rms > 0.0
     first = hidden(scene, before, HIDDEN, len(DRIVEN), tell) if plainly and witnessed else None
     if first and first.effects and describes_motors(first.after):
@@ -123,6 +126,16 @@ def contradicted(
     beside = searched(scene, before, tell, LIMITS, but=HIDDEN if witnessed else ())
     if beside.effects and describes_motors(beside.after):
         return beside
+    if witnessed:
+        swung = selected(
+            scene,
+            before,
+            lambda _, taken: {} if taken else swinging(scene, before, SWINGING, tell),
+            tell,
+            LIMITS,
+        )
+        if swung.effects and describes_motors(swung.after):
+            return replace(swung, candidates=beside.candidates + swung.candidates)
     found = first or hidden(scene, before, HIDDEN, len(DRIVEN), tell)
     described = found.after.validation_rms <= max(LEFT, beside.after.validation_rms)
     if found.effects and (described or finding_of(beside)[0] != "effect"):
@@ -148,15 +161,32 @@ def searched(
     else and however little is missing."""
     held = {effect.name for effect in before.model.fitted.model.effects} | {kind.name for kind in but}
     library = tuple(kind for kind in DRIVEN.values() if kind.name not in held)
-    return select(
+    return selected(
+        scene,
         before,
         lambda present, taken: propose(
             scene, first if first and not taken else library, present, taken, tell
         ),
+        tell,
+        replace(limits, enough=0.0) if first else limits,
+    )
+
+
+def selected(
+    scene: Scene,
+    before: Trial[Explained],
+    proposed: Callable[[Trial[Explained], tuple[str, ...]], Mapping[str, Trial[Explained]]],
+    tell: Callable[[str], None],
+    limits: Limits,
+) -> Selection[Explained]:
+    """What is found among the trials that are `proposed` beyond a trial with what was taken already."""
+    return select(
+        before,
+        proposed,
         refine=lambda trial: ended(scene, trial),
         tell=tell,
         challenge=lambda present, best: challenged(scene, present, best),
-        limits=replace(limits, enough=0.0) if first else limits,
+        limits=limits,
         size=lambda trial: len(trial.model.fitted.model.parameters),
         contains=lambda name: DRIVEN[name].contains,
         nearly=lambda name: DRIVEN[name].nearly,

@@ -21,9 +21,10 @@ from service.dynamics.driven_model import DrivenEffect
 from service.identification.explanation import Candidate
 from service.identification.given_effects import LEFT
 from service.identification.held_out import DESCRIBED, Explained, trial_of
-from service.identification.moves_end import RIDGE
+from service.identification.moves_end import RIDGE, settled
 from service.identification.moves_looks import VALLEYS, noted
 from service.identification.moves_motors import CONTRADICTED, of_moves
+from service.identification.moves_ridges import at_all_frequencies, put_back
 from service.identification.moves_search import FIRST_ROUNDS, carried
 from service.identification.moves_starts import (
     BRIEF,
@@ -155,6 +156,25 @@ def on_all_moves(base: Fitted, one: Fitted) -> Fitted:
         (jointly(carried(base, brief, rounds)) for rounds in (0, FIRST_ROUNDS)),
         key=lambda f: f.rms_with_motors,
     )
+
+
+def swinging(
+    scene: Scene, before: Trial[Explained], kinds: Sequence[type[DrivenEffect]], tell: Callable[[str], None]
+) -> dict[str, Trial[Explained]]:
+    """What of these `kinds` swings, begun at all frequencies and compared by samples and motors together: a mass that
+    swings with its machine shows in the fitted moves hardly otherwise than a chain that is not the machine's, but what
+    holds it back the motors feel. Of those that take `PART` of what a few moves and their motors show, by name."""
+    base, out = before.model.fitted, dict[str, Trial[Explained]]()
+    few = asked(base)
+    present = fit(few, base.model, on_a_few_moves(base).at, BRIEF).rms_with_motors
+    for candidate in candidates(base.model, kinds, ()):
+        fits = at_all_frequencies(few, candidate.model, put_back(base))
+        best = min(fits, key=lambda f: f.rms_with_motors)
+        best = fit(few, best.model, best.at, ROUNDS)
+        tell(f"tried {candidate.name} at all frequencies: {best.rms_with_motors:.3f} (now {present:.3f})")
+        if gone(present, best.rms_with_motors, PART):
+            out[candidate.name] = trial_of(scene, settled(on_all_moves(base, best), ROUNDS))
+    return out
 
 
 def nothing_shown(before: Trial[Explained], name: str) -> Candidate:

@@ -12,9 +12,10 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 
 import numpy as np
 
+from service.backlash.moves import Moves
 from service.backlash.moves_begun import Values, shared_at
 from service.backlash.moves_fit import Fitted, Point, fit, limits, values_at
-from service.dynamics.driven_model import DrivenEffect
+from service.dynamics.driven_model import DrivenEffect, Model
 from service.dynamics.driven_parameters import Parameter
 from service.identification.held_out import overdamped
 from service.identification.moves_starts import (
@@ -72,22 +73,29 @@ def if_nearer(found: Fitted, here: Fitted, others: Sequence[Fitted]) -> Fitted:
 
 
 def swinging_otherwise(found: Fitted) -> Fitted:
-    """The same with a last effect that swings at any other frequency, as strong as it may well be, and out of the
-    corners that the wrong one drove the machine into: by a few moves one frequency is as good as the next but near the
-    right one, and how near a fit comes from there its first rounds do not say."""
+    """The same with a last effect that swings at any other frequency, and out of the corners that the wrong one drove
+    the machine into."""
     effect = found.model.effects[-1]
     if effect.free_swing is None:
         return found
     few, own = fewer(found), {p.name for p in effect.parameters}
     here = fit(few, found.model, Point(found.at.shared, (own_of_few(found),)), BRIEF)
     machine = {name: v for name, v in put_back(found).items() if name not in own}
-    machine |= {p.name: p.spread for p in effect.parameters if p.dose and p.low >= 0.0}
-    begun = [
-        begun_at(few, found.model, {**machine, **{p.name: hz for p in effect.parameters if swings_by(p, effect)}})
-        for hz in FREQUENCIES
-    ]
-    tried = leading([fit(few, found.model, at, BRIEF) for at in begun], FOLLOWED)
+    tried = leading(at_all_frequencies(few, found.model, machine), FOLLOWED)
     return if_nearer(found, here, [fit(few, found.model, one.at, ROUNDS) for one in tried])
+
+
+def at_all_frequencies(few: Sequence[Moves], model: Model, machine: Values) -> list[Fitted]:
+    """Fits of a few moves that are begun with a machine of these values whose last effect swings at any frequency, as
+    strong as it may well be: one frequency is as good as the next but near the right one, and how near a fit comes from
+    there its first rounds do not say."""
+    effect = model.effects[-1]
+    strong = {p.name: p.spread for p in effect.parameters if p.dose and p.low >= 0.0}
+    swings = [p.name for p in effect.parameters if swings_by(p, effect)]
+    begun = (
+        begun_at(few, model, {**machine, **strong, **dict.fromkeys(swings, float(hz))}) for hz in FREQUENCIES
+    )
+    return [fit(few, model, at, BRIEF) for at in begun]
 
 
 def swings_by(parameter: Parameter, effect: DrivenEffect) -> bool:
