@@ -75,8 +75,8 @@ def if_nearer(found: Fitted, here: Fitted, others: Sequence[Fitted]) -> Fitted:
 def swinging_otherwise(found: Fitted) -> Fitted:
     """The same with a last effect that swings at any other frequency, and out of the corners that the wrong one drove
     the machine into."""
-    effect = found.model.effects[-1]
-    if effect.free_swing is None:
+    effect = found.model.effects[-1] if found.model.effects else None
+    if effect is None or effect.free_swing is None:
         return found
     few, own = fewer(found), {p.name for p in effect.parameters}
     here = fit(few, found.model, Point(found.at.shared, (own_of_few(found),)), BRIEF)

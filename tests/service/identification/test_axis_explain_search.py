@@ -25,7 +25,8 @@ def trial(train: float, held_out: float) -> Trial[Any]:
 
 
 def heard(monkeypatch: pytest.MonkeyPatch, left: float = 5.0) -> None:
-    """What the motors leave in the held-out moves; 0 where these have no torque."""
+    """What the motors leave in the held-out moves; 0 where these have no torque. Nothing swings."""
+    monkeypatch.setattr(axis_explain, "swinging", lambda *_: {})
     monkeypatch.setattr(axis_explain, "as_heard_by_motors", lambda _before: trial(1.0, left))
 
 
@@ -216,7 +217,35 @@ def test_what_the_motors_speak_of_plainly_is_asked_for_first_and_taken_if_it_des
 
     monkeypatch.setattr(axis_explain, "searched", searched)
     monkeypatch.setattr(axis_explain, "hidden", hidden)
-    found = missing_in(SimpleNamespace(zero_wanders=False), before, (), lambda _text: None)  # type: ignore[arg-type]
+    scene: Any = SimpleNamespace(zero_wanders=False)
+    found = missing_in(scene, before, (), lambda _text: None)
     assert found.effects == names
     first = ["motors", "beside"] if motors == 5.0 else ["beside", "motors"]
     assert asked == (first if beside_asked else ["motors"]), "what is hidden is searched once"
+
+
+@pytest.mark.parametrize(
+    ("held_out", "by_motors", "witnessed", "taken"),
+    [(1.1, 1.4, True, True), (1.2, 1.4, True, False), (1.1, 1.6, True, False), (1.1, 1.4, False, False)],
+    ids=["described", "other moves not", "motors not", "no torque in the other moves"],
+)
+def test_what_swings_is_taken_where_nothing_else_is_found_with_which_the_motors_agree(
+    monkeypatch: pytest.MonkeyPatch, held_out: float, by_motors: float, witnessed: bool, taken: bool
+) -> None:
+    before, after = trial(1.1, 1.4), trial(0.9, held_out)
+    left = {id(before): 2.7, id(after): by_motors}
+    for one in (before, after):
+        one.model.fitted = one
+    heard(monkeypatch, 5.0 if witnessed else 0.0)
+    swung = Selection(before, after, ("hung_mass_mode",), (Candidate("hung_mass_mode", 1.0, 0.0),), ())
+    none = Selection(before, before, (), (Candidate("sensor_gain", 1.0, 1.0),), ())
+    gaps = Selection(before, before, (), (Candidate("gearbox_clearance", 1.0, 1.0),), ())
+    monkeypatch.setattr(axis_explain, "left_by_motors", lambda of: np.array([0.5, left[id(of)]]))
+    monkeypatch.setattr(axis_explain, "searched", lambda *_, **__: none)
+    monkeypatch.setattr(axis_explain, "selected", lambda *_: swung)
+    monkeypatch.setattr(axis_explain, "hidden", lambda *_: gaps)
+    scene: Any = SimpleNamespace(zero_wanders=False)
+    found = missing_in(scene, before, (), lambda _text: None)
+    assert found.effects == (("hung_mass_mode",) if taken else ())
+    others = ["sensor_gain", "hung_mass_mode" if taken else "gearbox_clearance"]
+    assert [c.effect for c in found.candidates] == others

@@ -20,6 +20,7 @@ from service.identification.moves_hidden import (
     judged_by_motors,
     otherwise_divided,
     promising,
+    swinging,
 )
 from service.identification.moves_motors import left_by_motors
 from service.identification.selection import Trial
@@ -197,6 +198,39 @@ def test_what_few_moves_and_their_motors_speak_against_is_not_fitted_to_all(
     assert [(c.effect, c.accepted, c.why) for c in found.candidates] == [
         ("gearbox_clearance", False, "explains nothing of a few moves and their motors")
     ]
+
+
+def test_what_swings_is_fitted_to_all_moves_if_half_of_what_is_left_is_gone_with_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of an RMS of 2.6 with the motors 0.9 is left with a mass on the carriage, 2.2 with a body under the axis."""
+    best = {"hung_mass_mode": 0.9, "machine_body_mode": 2.2}
+    fitted: list[float] = []
+
+    def fit(_few: Any, model: str, *_: Any) -> Any:
+        return two_gaps(0.0, 0.0, best.get(model, 2.6))
+
+    def at_all(_few: Any, model: str, _machine: Any) -> list[Any]:
+        one = two_gaps(0.0, 0.0, 1.1 * best[model])
+        one.model, one.at = model, None
+        return [two_gaps(0.0, 0.0, 5.0), one]
+
+    kinds = [SimpleNamespace(name=name, model=name) for name in best]
+    monkeypatch.setattr(moves_hidden, "asked", lambda _found: ())
+    monkeypatch.setattr(moves_hidden, "on_a_few_moves", lambda found: found)
+    monkeypatch.setattr(moves_hidden, "candidates", lambda *_: kinds)
+    monkeypatch.setattr(moves_hidden, "put_back", lambda _found: {})
+    monkeypatch.setattr(moves_hidden, "at_all_frequencies", at_all)
+    monkeypatch.setattr(moves_hidden, "fit", fit)
+    monkeypatch.setattr(moves_hidden, "on_all_moves", lambda _base, one: fitted.append(one.rms_with_motors))
+    monkeypatch.setattr(moves_hidden, "settled", lambda one, _rounds: one)
+    monkeypatch.setattr(moves_hidden, "trial_of", lambda _scene, _found: "tried")
+    base = SimpleNamespace(model="declared", at=None)
+    before: Trial[Any] = replace(trial(4.0), model=SimpleNamespace(fitted=base))
+    told: list[str] = []
+    assert swinging(cast(Any, None), before, (), told.append) == {"hung_mass_mode": "tried"}
+    assert fitted == [0.9]
+    assert len(told) == 2
 
 
 def test_a_valley_is_promising_if_it_takes_a_part_of_what_is_left(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,11 +9,13 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from service.backlash.moves_fit import FAR, Fitted, Point, fit
+from service.backlash.moves import predict
+from service.backlash.moves_begun import shared_at
+from service.backlash.moves_fit import FAR, Fitted, Point, fit, values_at
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_bodies import DrivenHungMass
 from service.identification import moves_ridges
-from service.identification.moves_ridges import over_ridges, put_back
+from service.identification.moves_ridges import at_all_frequencies, over_ridges, put_back, swinging_otherwise
 from service.identification.moves_starts import ROUNDS
 
 
@@ -117,3 +119,47 @@ def test_what_a_wrong_model_drove_away_is_put_back_and_a_link_that_is_damped_as_
     ):
         monkeypatch.setattr(moves_ridges, "overdamped", lambda _found, odd=odd: odd)
         assert set(values) - set(put_back(found, too)) == {f"X1.{name}" for name in gone}
+
+
+def with_a_hung_mass(found: Fitted, frequency: float) -> Fitted:
+    """The fit of a clean machine with a hung mass of its typical ratio that swings at a frequency [Hz]."""
+    model = replace(found.model, effects=(*found.model.effects, DrivenHungMass(("X1",))))
+    shared = shared_at(model, {**values_at(found), "X1.hung_frequency": frequency, "X1.hung_ratio": 0.15})
+    local = tuple(np.pad(own, ((0, 0), (0, 2))) for own in found.at.local)
+    return fit(found.moves, model, Point(shared, local), 0)
+
+
+def test_a_mass_that_swings_at_another_frequency_than_where_a_fit_ended_is_found_at_it(found: Fitted) -> None:
+    """Moves made with a mass that swings at 32 Hz, and a fit that took it for one at 13 Hz."""
+    right = with_a_hung_mass(found, 32.0)
+    (part,) = right.moves
+    said = predict(part, right.model, right.at.shared[None], right.at.local[0][None]).acceleration()[0]
+    noise = part.noise[0] * np.random.default_rng(3).standard_normal(said.shape)
+    grids = tuple(replace(g, measured=one) for g, one in zip(part.grids, said + noise, strict=True))
+    made = replace(right, moves=(replace(part, grids=grids),))
+    names = [p.name for p in right.model.parameters]
+    wrong = made.at.shared.copy()
+    k = names.index("X1.hung_frequency")
+    wrong[k] = float(right.model.parameters[k].internal(13.0))
+    ended = fit(made.moves, right.model, Point(wrong, made.at.local), ROUNDS)
+    assert ended.value("X1.hung_frequency") < 25.0, "the fit by itself does not find to it"
+    again = swinging_otherwise(ended)
+    assert again.value("X1.hung_frequency") == pytest.approx(32.0, rel=0.03)
+    assert again.rms < 0.5 * ended.rms
+
+
+def test_what_does_not_swing_is_not_looked_for_at_other_frequencies(found: Fitted) -> None:
+    assert swinging_otherwise(found) is found
+
+
+def test_every_frequency_is_begun_with_as_strong_as_it_may_well_be(monkeypatch: Any, found: Fitted) -> None:
+    model = replace(found.model, effects=(*found.model.effects, DrivenHungMass(("X1",))))
+    begun: list[dict[str, float]] = []
+    monkeypatch.setattr(moves_ridges, "begun_at", lambda _few, _model, values: begun.append(values))
+    monkeypatch.setattr(moves_ridges, "fit", lambda *_: found)
+    at_all_frequencies(found.moves, model, {"X1.gear_mass": 0.2, "X1.hung_ratio": 1e-4})
+    ratio = next(p for p in model.parameters if p.name == "X1.hung_ratio")
+    assert {(one["X1.gear_mass"], one["X1.hung_ratio"]) for one in begun} == {(0.2, ratio.spread)}
+    frequencies = [one["X1.hung_frequency"] for one in begun]
+    assert (frequencies[0], frequencies[-1]) == pytest.approx((6.0, 120.0))
+    assert np.all(np.diff(np.log(frequencies)) < 0.12)
