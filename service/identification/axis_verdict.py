@@ -21,6 +21,7 @@ from service.identification.explanation import (
 )
 from service.identification.given_effects import LEFT
 from service.identification.held_out import SEARCHED, SEEN_AT_REST, Explained, Held, rms
+from service.identification.moves_motors import CONTRADICTED, left_by_motors
 from service.identification.scene import Scene
 from service.identification.selection import (
     LEFT_BY_CLEAN,
@@ -162,17 +163,26 @@ def finding_of(
 def _clear(selection: Selection[Explained], seen_at_rest: tuple[str, ...]) -> bool:
     """Whether what was found is a finding although little is missing and the backlash stays: it was seen at rest; alone
     it explains what shows in the moves that were fitted; or it is in no sound machine, explains all moves by itself,
-    and nothing else does or comes near."""
+    which show something or whose motors contradict the model without it, and nothing else does or comes near."""
     before, after, effects = selection.before, selection.after, selection.effects
     seen = shown(before) > SMALL
     if effects == seen_at_rest or (seen and _alone(selection)):
         return True
     clearly = explained(before, after, CLEARLY) and gone(before.train_rms, after.train_rms, CLEARLY)
     whole = len(effects) == 1 and clearly and (seen or after.validation_rms <= LEFT_BY_CLEAN)
-    uncommon = not _common(selection) and left(before) > SEARCHED
+    uncommon = not _common(selection) and (left(before) > SEARCHED or _reconciles_motors(selection))
     if uncommon and whole and not _common_comes_as_near(selection):
         return True
     return _alone(selection) and _nothing_else_explains(selection)
+
+
+def _reconciles_motors(selection: Selection[Explained]) -> bool:
+    """Whether the motors contradict the model before, and no more that with what was found: what no sample of the
+    moves that were fitted shows acts all the same."""
+    before, after = (
+        float(np.max(left_by_motors(t.model.fitted))) for t in (selection.before, selection.after)
+    )
+    return after <= CONTRADICTED < before
 
 
 def _of_every_machine(selection: Selection[Explained]) -> bool:

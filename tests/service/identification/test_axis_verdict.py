@@ -19,6 +19,12 @@ def trial(train: float, held_out: float) -> Trial[Any]:
     return Trial(SimpleNamespace(fitted=fitted), train, held_out, np.ones(5), np.zeros(0), 100.0)
 
 
+@pytest.fixture(autouse=True)
+def no_torque(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No torque was recorded, so the motors say nothing, unless a test says what."""
+    monkeypatch.setattr(axis_verdict, "left_by_motors", lambda _fitted: np.zeros(1))
+
+
 @pytest.mark.parametrize(
     ("before", "after", "effects", "finding"),
     [
@@ -156,6 +162,28 @@ def test_an_effect_that_shows_at_another_speed_only_is_a_finding_if_it_explains_
     monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: (50e-6, 1e-7))
     selection = Selection(trial(1.02, held_out), trial(1.0, left), ("curved_friction",), (), ())
     assert axis_verdict.finding_of(selection)[0] == found
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "name", "found"),
+    [
+        (6.9, 1.4, "curved_friction", "effect"),
+        (6.9, 1.6, "curved_friction", "none"),
+        (1.4, 1.0, "curved_friction", "none"),
+        (6.9, 1.4, "transmission_ripple", "none"),
+    ],
+    ids=["reconciled", "not reconciled", "no contradiction", "every machine has it"],
+)
+def test_what_no_fitted_sample_shows_is_a_finding_if_the_motors_contradict_the_model_without_it(
+    monkeypatch: pytest.MonkeyPatch, before: float, after: float, name: str, found: str
+) -> None:
+    """A planted curve left 1.02 in the train moves, 1.54 in the others and 6.9 of the motors' noise."""
+    without, with_it = trial(1.02, 1.5), trial(0.97, 1.05)
+    motors = {id(without.model.fitted): before, id(with_it.model.fitted): after}
+    monkeypatch.setattr(axis_verdict, "left_by_motors", lambda fitted: np.array([0.2, motors[id(fitted)]]))
+    monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: (50e-6, 1e-7))
+    monkeypatch.setattr(axis_verdict, "deviations", numbers)
+    assert axis_verdict.finding_of(Selection(without, with_it, (name,), (), ()))[0] == found
 
 
 @pytest.mark.parametrize(
