@@ -75,8 +75,9 @@ AS_WELL = 1.1
 
 
 def settled(found: Fitted, rounds: int, ridges: tuple[float, float] = OF_ADDED) -> Fitted:
-    """The fit continued with the motors' motion reconstructed from it, and where it is not near, in another valley:
-    between RMS of `ridges`, of what swings from the least on; a caller that looks for it next, or has, gives others."""
+    """The fit continued with the motors' motion reconstructed from it, a move that stands out begun anew, and where it
+    is not near, in another valley: between RMS of `ridges`, of what swings from the least on; a caller that looks for
+    it next, or has, gives others."""
     found = begun_anew(found)
     on = fit(reconstructed(found), found.model, found.at, rounds)
     first, last = ridges
@@ -107,8 +108,8 @@ def declared_end(fits: Iterable[Fitted], rounds: int) -> Fitted:
 
 def led_on(found: Fitted) -> Fitted:
     """A fit that may be the right one and yet leaves more than noise, over further ridges and followed from there as
-    long as that is nearer: what lies near a valley is searched, and the right one may lie behind the next, or where the
-    effect is of another size."""
+    long as that is nearer: what lies near a valley is searched, and the right one may lie behind the next, where the
+    effect is of another size, or where it swings at another frequency."""
     for _ in range(FURTHER):
         if not UNKNOWN_NUMBERS <= found.rms < HOPELESS:
             break

@@ -4,7 +4,8 @@ beside the accelerometer.
 In the moves that are fitted one gap as wide as both imitates two in series, and in others a pinion that chatters
 between them is foretold by no model whose numbers are not exact. But the motor feels what it meets, and when: where the
 declared model leaves it far over the noise, two gaps take most of that away, in the moves that were fitted and in
-those that were not.
+those that were not. What swings with the load hides behind a chain that is not the machine's, too, and the motors tell
+it from one.
 """
 
 from __future__ import annotations

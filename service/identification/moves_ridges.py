@@ -73,8 +73,8 @@ def if_nearer(found: Fitted, here: Fitted, others: Sequence[Fitted]) -> Fitted:
 
 
 def swinging_otherwise(found: Fitted) -> Fitted:
-    """The same with a last effect that swings at any other frequency, and out of the corners that the wrong one drove
-    the machine into."""
+    """The fit begun once more with its last effect swinging at another frequency, and out of the corners that the wrong
+    one drove the machine into; itself where that is not nearer, or nothing swings."""
     effect = found.model.effects[-1] if found.model.effects else None
     if effect is None or effect.free_swing is None:
         return found
