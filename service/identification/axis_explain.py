@@ -135,7 +135,9 @@ def contradicted(
             LIMITS,
         )
         if swung.effects and describes_motors(swung.after):
-            return replace(swung, candidates=beside.candidates + swung.candidates)
+            again = {candidate.effect for candidate in swung.candidates}
+            others = tuple(one for one in beside.candidates if one.effect not in again)
+            return replace(swung, candidates=others + swung.candidates)
     found = first or hidden(scene, before, HIDDEN, len(DRIVEN), tell)
     described = found.after.validation_rms <= max(LEFT, beside.after.validation_rms)
     if found.effects and (described or finding_of(beside)[0] != "effect"):

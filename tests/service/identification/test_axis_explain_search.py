@@ -238,7 +238,8 @@ def test_what_swings_is_taken_where_nothing_else_is_found_with_which_the_motors_
         one.model.fitted = one
     heard(monkeypatch, 5.0 if witnessed else 0.0)
     swung = Selection(before, after, ("hung_mass_mode",), (Candidate("hung_mass_mode", 1.0, 0.0),), ())
-    none = Selection(before, before, (), (Candidate("sensor_gain", 1.0, 1.0),), ())
+    refused = (Candidate("sensor_gain", 1.0, 1.0), Candidate("hung_mass_mode", 2.0, 1.0))
+    none = Selection(before, before, (), refused, ())
     gaps = Selection(before, before, (), (Candidate("gearbox_clearance", 1.0, 1.0),), ())
     monkeypatch.setattr(axis_explain, "left_by_motors", lambda of: np.array([0.5, left[id(of)]]))
     monkeypatch.setattr(axis_explain, "searched", lambda *_, **__: none)
@@ -247,5 +248,6 @@ def test_what_swings_is_taken_where_nothing_else_is_found_with_which_the_motors_
     scene: Any = SimpleNamespace(zero_wanders=False)
     found = missing_in(scene, before, (), lambda _text: None)
     assert found.effects == (("hung_mass_mode",) if taken else ())
-    others = ["sensor_gain", "hung_mass_mode" if taken else "gearbox_clearance"]
-    assert [c.effect for c in found.candidates] == others
+    last = [] if taken else ["gearbox_clearance"]
+    assert [c.effect for c in found.candidates] == ["sensor_gain", "hung_mass_mode", *last], "each once"
+    assert found.candidates[1].p_value == (0.0 if taken else 1.0)
