@@ -177,7 +177,7 @@ def _clear(selection: Selection[Explained], seen_at_rest: tuple[str, ...]) -> bo
 
 
 def _reconciles_motors(selection: Selection[Explained]) -> bool:
-    """Whether the motors contradict the model before, and no more that with what was found: what no sample of the
+    """Whether the motors contradict the model before, and no longer the one with what was found: what no sample of the
     moves that were fitted shows acts all the same."""
     before, after = (
         float(np.max(left_by_motors(t.model.fitted))) for t in (selection.before, selection.after)

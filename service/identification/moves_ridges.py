@@ -15,21 +15,23 @@ import numpy as np
 from service.backlash.moves import Moves
 from service.backlash.moves_begun import Values, shared_at
 from service.backlash.moves_fit import Fitted, Point, fit, limits, values_at
-from service.dynamics.driven_model import DrivenEffect, Model
-from service.dynamics.driven_parameters import Parameter
+from service.dynamics.driven_model import Model
 from service.identification.held_out import overdamped
 from service.identification.moves_starts import (
     BRIEF,
     ROUNDS,
     SUMMED,
     TOLERANCES,
+    Candidate,
     begun_at,
     chain,
     fewer,
     fitted_from,
+    on_all_axes,
     own_of_few,
     softer_contact,
     speeds_first,
+    strong_of_one_sign,
 )
 from service.identification.moves_valleys import QUICK, SEED
 from service.recording import FloatArray
@@ -78,29 +80,22 @@ def swinging_otherwise(found: Fitted) -> Fitted:
     effect = found.model.effects[-1] if found.model.effects else None
     if effect is None or effect.free_swing is None:
         return found
-    few, own = fewer(found), {p.name for p in effect.parameters}
+    few = fewer(found)
     here = fit(few, found.model, Point(found.at.shared, (own_of_few(found),)), BRIEF)
-    machine = {name: v for name, v in put_back(found).items() if name not in own}
-    tried = leading(at_all_frequencies(few, found.model, machine), FOLLOWED)
+    tried = leading(at_all_frequencies(few, found.model, put_back(found)), FOLLOWED)
     return if_nearer(found, here, [fit(few, found.model, one.at, ROUNDS) for one in tried])
 
 
 def at_all_frequencies(few: Sequence[Moves], model: Model, machine: Values) -> list[Fitted]:
     """Fits of a few moves that are begun with a machine of these values whose last effect swings at any frequency, as
-    strong as it may well be: one frequency is as good as the next but near the right one, and how near a fit comes from
-    there its first rounds do not say."""
+    strong as it may well be; none if it does not swing. One frequency is as good as the next but near the right one,
+    and how near a fit comes from there its first rounds do not say."""
     effect = model.effects[-1]
-    strong = {p.name: p.spread for p in effect.parameters if p.dose and p.low >= 0.0}
-    swings = [p.name for p in effect.parameters if swings_by(p, effect)]
-    begun = (
-        begun_at(few, model, {**machine, **strong, **dict.fromkeys(swings, float(hz))}) for hz in FREQUENCIES
-    )
-    return [fit(few, model, at, BRIEF) for at in begun]
-
-
-def swings_by(parameter: Parameter, effect: DrivenEffect) -> bool:
-    """Whether a parameter is the frequency of what swings freely."""
-    return effect.free_swing is not None and parameter.name.rpartition(".")[2] == effect.free_swing[0]
+    if effect.free_swing is None:
+        return []
+    frequency, strong = effect.free_swing[0], strong_of_one_sign(Candidate(effect, model))
+    shapes = ({**on_all_axes(effect, {frequency: float(hz)}), **strong} for hz in FREQUENCIES)
+    return [fit(few, model, begun_at(few, model, {**machine, **shape}), BRIEF) for shape in shapes]
 
 
 def put_back(found: Fitted, too: Collection[str] = ()) -> Values:

@@ -16,7 +16,7 @@ from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_bodies import DrivenHungMass
 from service.identification import moves_ridges
 from service.identification.moves_ridges import at_all_frequencies, over_ridges, put_back, swinging_otherwise
-from service.identification.moves_starts import ROUNDS
+from service.identification.moves_starts import ROUNDS, widened
 
 
 def begun_with(found: Fitted, **factors: float) -> Fitted:
@@ -125,8 +125,7 @@ def with_a_hung_mass(found: Fitted, frequency: float) -> Fitted:
     """The fit of a clean machine with a hung mass of its typical ratio that swings at a frequency [Hz]."""
     model = replace(found.model, effects=(*found.model.effects, DrivenHungMass(("X1",))))
     shared = shared_at(model, {**values_at(found), "X1.hung_frequency": frequency, "X1.hung_ratio": 0.15})
-    local = tuple(np.pad(own, ((0, 0), (0, 2))) for own in found.at.local)
-    return fit(found.moves, model, Point(shared, local), 0)
+    return fit(found.moves, model, Point(shared, widened(found.at.local, model)), 0)
 
 
 def test_a_mass_that_swings_at_another_frequency_than_where_a_fit_ended_is_found_at_it(found: Fitted) -> None:
