@@ -259,8 +259,9 @@ def begun_again(
 def finished(scene: Scene, trials: Mapping[str, Trial[Explained]]) -> dict[str, Trial[Explained]]:
     """The trials, those of the finalists with the motor's motion reconstructed from them, and ended if they are near;
     what swings comes last, and only if it is not far behind; where none is anywhere near, the nearest alone. The
-    nearest is led on over further ridges before any is ended. What comes closest to the moves that it was fitted to,
-    and describes them, is ended even if it describes the others not much worse: it may be the right one."""
+    nearest is led on over further ridges before any is ended; what one of them contains is ended before it. What comes
+    closest to the moves that it was fitted to, and describes them, is ended even if it describes the others not much
+    worse: it may be the right one."""
     out, done = dict(trials), list[str]()
     last = finalists(trials)
     if min(trials[name].train_rms for name in last) > FAR_OFF * HOPELESS:
@@ -276,6 +277,7 @@ def finished(scene: Scene, trials: Mapping[str, Trial[Explained]]) -> dict[str, 
     near = leading({name: distance(out[name]) for name in sound}, FINALISTS)
     first = min(done, key=lambda name: distance(out[name]))
     closest = min(sound, key=lambda name: out[name].train_rms, default=first)
+    near += [inner for name in {first, *near} for inner in DRIVEN[name].contains if inner in out]
     for name in sorted({first, *near}, key=lambda name: len(out[name].model.fitted.model.parameters)):
         if not inner_suffices(name, out):
             out[name] = to_the_end(scene, out[name])
