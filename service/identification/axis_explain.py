@@ -16,7 +16,7 @@ from service.identification.given_effects import LEFT, as_accepted, names_of, wi
 from service.identification.held_out import DESCRIBED, SEARCHED, Explained, trial_of
 from service.identification.moves_end import declared_end, ended
 from service.identification.moves_hidden import as_heard_by_motors, hidden, swinging
-from service.identification.moves_motors import CONTRADICTED, left_by_motors
+from service.identification.moves_motors import CONTRADICTED, PLAINLY, left_by_motors
 from service.identification.moves_search import challenged, describes_all, propose, without
 from service.identification.moves_starts import TOO_MUCH
 from service.identification.scene import Scene, declared_fits, scene_of
@@ -39,9 +39,6 @@ Asked for by the motors, and where no torque was recorded and the other moves ar
 numbers that are not known could do that, too."""
 SWINGING = tuple(kind for kind in DRIVEN.values() if kind.free_swing is not None)
 """What swings, and is asked for at all frequencies where nothing else is found with which the motors agree."""
-PLAINLY = 2.5
-"""How many times more the motors' equations leave than the samples from which on what is hidden is asked for first
-(chosen)."""
 OF_HIDDEN = replace(LIMITS, material=0.05)
 """Where so little is left there is less to remove (chosen)."""
 

@@ -21,7 +21,7 @@ from service.identification.explanation import (
 )
 from service.identification.given_effects import LEFT
 from service.identification.held_out import SEARCHED, SEEN_AT_REST, Explained, Held, rms
-from service.identification.moves_motors import CONTRADICTED, left_by_motors
+from service.identification.moves_motors import CONTRADICTED, PLAINLY, left_by_motors
 from service.identification.scene import Scene
 from service.identification.selection import (
     LEFT_BY_CLEAN,
@@ -185,6 +185,15 @@ def _reconciles_motors(selection: Selection[Explained]) -> bool:
     return after <= CONTRADICTED < before
 
 
+def _against_motors(selection: Selection[Explained]) -> bool:
+    """Whether the moves that were not fitted are not described with what was found, and the motors contradict it plainly
+    and not far less than the model before: what acts is something else, of which it is a likeness."""
+    before, after = (left_by_motors(t.model.fitted) for t in (selection.before, selection.after))
+    plainly = after > PLAINLY * selection.after.train_rms
+    hardly_less = after**2 - 1.0 > (1.0 - CLEARLY) * (before**2 - 1.0)
+    return selection.after.validation_rms > LEFT_BY_CLEAN and bool(np.any(plainly & hardly_less))
+
+
 def _of_every_machine(selection: Selection[Explained]) -> bool:
     """Whether what was found is what every sound machine has, and leaves next to nothing, also in the moves that were
     not fitted, or explains a part of what is missing there; if it explains nearly all by itself, no more than its law
@@ -200,9 +209,9 @@ def _of_every_machine(selection: Selection[Explained]) -> bool:
 def _explanation(selection: Selection[Explained], seen_at_rest: tuple[str, ...]) -> bool:
     """Whether the effects leave near nothing, or predict nearly all that is missing in moves that nobody has fitted, or
     one of them alone describes those that were and predicts the others no worse; none whose numbers went to where no
-    such effect is when its fit was ended."""
+    such effect is when its fit was ended, or that the motors speak against."""
     before, after, effects = selection.before, selection.after, selection.effects
-    if after.at_limits:
+    if after.at_limits or _against_motors(selection):
         return False
     alone, certain = _alone(selection), effects == seen_at_rest and explained(before, after, PART)
     if after.train_rms <= LEFT and (certain or (alone and explained(before, after, WHOLLY))):

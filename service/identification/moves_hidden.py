@@ -76,9 +76,10 @@ def jointly(found: Fitted) -> Fitted:
 
 def otherwise_divided(found: Fitted) -> Fitted:
     """The fit, or the nearest that begins with its play otherwise divided between the two gaps, by samples and motors
-    together, then from near by, as long as that is nearer: a few moves choose where all are fitted."""
+    together, then from near by, as long as that is nearer and more than noise is left: a few moves choose where all are
+    fitted. All play from end to end is tried however near the fit is: what the noise is put at may be too much."""
     for turn in range(DIVIDED):
-        if found.rms_with_motors < 1.0:
+        if turn and found.rms_with_motors < 1.0:
             break
         few, own = asked(found), (own_of_few(found),)
         begun = (begun_at(few, found.model, values, own) for values in divisions(found, near_by=turn > 0))

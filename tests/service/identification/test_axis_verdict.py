@@ -88,6 +88,31 @@ def test_impurities_are_no_finding_where_nothing_in_their_place_changes_the_back
     assert axis_verdict.finding_of(selection)[0] == found
 
 
+@pytest.mark.parametrize(
+    ("motors", "others", "found"),
+    [
+        ((9.7, 6.0), 2.7, "unknown"),
+        ((7.0, 8.2), 2.7, "unknown"),
+        ((7.0, 8.2), 1.2, "effect"),
+        ((19.5, 2.8), 2.7, "effect"),
+        ((2.1, 1.9), 2.7, "effect"),
+        ((38.6, 17.9), 2.7, "effect"),
+    ],
+    ids=["hardly less", "no less", "others described", "gone", "not plainly", "most of it gone"],
+)
+def test_an_effect_that_the_motors_speak_against_is_not_named(
+    monkeypatch: pytest.MonkeyPatch, motors: tuple[float, float], others: float, found: str
+) -> None:
+    """A guide that warms looked like a hung mass in the moves that were fitted, a sensor's curve like its gain."""
+    without, with_it = trial(3.6, 9.0), trial(1.1, others)
+    b = {id(without.model.fitted): (50e-6, 1e-7), id(with_it.model.fitted): (40e-6, 1e-7)}
+    left = dict(zip(b, motors, strict=True))
+    monkeypatch.setattr(axis_verdict, "backlash_of", lambda fitted, _axis: b[id(fitted)])
+    monkeypatch.setattr(axis_verdict, "left_by_motors", lambda fitted: np.array([0.2, left[id(fitted)]]))
+    selection = Selection(without, with_it, ("sensor_gain",), (), ())
+    assert axis_verdict.finding_of(selection)[0] == found
+
+
 @pytest.mark.parametrize(("limits", "found"), [((), "effect"), (("preload_damping_ratio",), "unknown")])
 def test_an_effect_that_becomes_none_when_its_fit_is_ended_is_not_named(
     monkeypatch: pytest.MonkeyPatch, limits: tuple[str, ...], found: str
