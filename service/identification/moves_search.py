@@ -227,8 +227,34 @@ def proposed(
     }
     trials = {c.name: in_best_shape(scene, base, c, trials[c.name]) for c in tried}
     trials = finished(scene, trials)
+    trials = trials | beside_likeness(scene, base, tried, trials)
     best = min(tried, key=lambda c: distance(trials[c.name]))
     return trials | {best.name: in_other_shapes(scene, base, best, trials[best.name])}, spared
+
+
+def beside_likeness(
+    scene: Scene, base: Fitted, tried: Sequence[Candidate], trials: Mapping[str, Trial[Explained]]
+) -> dict[str, Trial[Explained]]:
+    """Where the nearest of all is no such effect by its limits, the others that are nearer once they begin on the
+    machine that it found, by name: a likeness of the right effect leads to the right machine, from which that one's own
+    starts were too far. A few moves say which of them explain anything there; these are fitted to all and ended."""
+    best = min(trials.values(), key=distance)
+    if not best.at_limits:
+        return {}
+    ground = ground_of(base, best.model.fitted)
+    own = best.model.fitted.model.effects[-1].name
+    begun = [
+        fit(ground.moves, c.model, placed(ground, c).at, BRIEF) for c in tried if c.name != own
+    ]
+    usual = np.median([one.rms for one in begun])
+    out = dict[str, Trial[Explained]]()
+    for brief in sorted((one for one in begun if one.rms < SECOND * usual), key=lambda f: f.rms)[:FINALISTS]:
+        name = brief.model.effects[-1].name
+        again = carried(base, noted(brief, base.moves), FIRST_ROUNDS)
+        if again.rms < SECOND * trials[name].train_rms:
+            nearer = ended(scene, trial_of(scene, settled(again, ROUNDS)))
+            out[name] = min((trials[name], nearer), key=distance)
+    return out
 
 
 def describes_all(trial: Trial[Explained]) -> bool:
