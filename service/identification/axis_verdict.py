@@ -186,8 +186,8 @@ def _reconciles_motors(selection: Selection[Explained]) -> bool:
 
 
 def _against_motors(selection: Selection[Explained]) -> bool:
-    """Whether the moves that were not fitted are not described with what was found, and the motors contradict it plainly
-    and not far less than the model before: what acts is something else, of which it is a likeness."""
+    """Whether the moves that were not fitted are not described with what was found, and the motors contradict it
+    plainly and not far less than the model before: what acts is something else, of which it is a likeness."""
     before, after = (left_by_motors(t.model.fitted) for t in (selection.before, selection.after))
     plainly = after > PLAINLY * selection.after.train_rms
     hardly_less = after**2 - 1.0 > (1.0 - CLEARLY) * (before**2 - 1.0)

@@ -243,9 +243,7 @@ def beside_likeness(
         return {}
     ground = ground_of(base, best.model.fitted)
     own = best.model.fitted.model.effects[-1].name
-    begun = [
-        fit(ground.moves, c.model, placed(ground, c).at, BRIEF) for c in tried if c.name != own
-    ]
+    begun = [fit(ground.moves, c.model, placed(ground, c).at, BRIEF) for c in tried if c.name != own]
     usual = np.median([one.rms for one in begun])
     out = dict[str, Trial[Explained]]()
     for brief in sorted((one for one in begun if one.rms < SECOND * usual), key=lambda f: f.rms)[:FINALISTS]:

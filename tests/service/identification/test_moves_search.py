@@ -19,6 +19,9 @@ from service.identification import moves_search, moves_starts
 from service.identification.moves_looks import Brief
 from service.identification.moves_search import finalists, leading
 
+FORCE, FRICTION = "position_dependent_force", "asymmetric_friction"
+HUNG, BODY = "hung_mass_mode", "machine_body_mode"
+
 
 def test_no_fit_is_finished_that_is_far_behind_the_best() -> None:
     found = {"a": 1.3, "b": 1.0, "c": 1.6, "d": 4.0}
@@ -40,8 +43,13 @@ def test_those_are_finished_that_are_nearest_to_all_moves_or_to_those_that_were_
 
 def test_all_finalists_that_are_near_are_ended_before_one_is_chosen(monkeypatch: Any) -> None:
     """A force that grows along the travel came nearer than friction that differs by direction, as long as only the
-    nearest was fitted to the end."""
-    errors = {"force": (1.1, 1.5), "friction": (1.0, 2.0), "far": (3.0, 9.0)}
+    nearest was fitted to the end, and than the constant force that it contains, as long as that was left half-way."""
+    errors = {
+        FORCE: (1.1, 1.5),
+        FRICTION: (1.0, 2.0),
+        "constant_force": (1.2, 3.2),
+        "sensor_gain": (3.0, 9.0),
+    }
 
     def trial(name: str, train: float, held: float, limits: tuple[str, ...] = ()) -> Any:
         fitted = SimpleNamespace(model=SimpleNamespace(name=name, parameters=()))
@@ -63,11 +71,12 @@ def test_all_finalists_that_are_near_are_ended_before_one_is_chosen(monkeypatch:
 
     monkeypatch.setattr(moves_search, "to_the_end", to_the_end)
     done = moves_search.finished(cast(Any, None), cast(Any, trials))
-    assert [cast(Any, done[name]).name for name in errors] == ["force ended", "friction ended", "far"]
-    assert asked[-1] == ("friction ended", 1.15), "what describes its moves best may be the right one"
-    trials["friction"].at_limits = ("coulomb_asymmetry",)
+    near = [f"{FORCE} ended", f"{FRICTION} ended", "constant_force ended"]
+    assert [cast(Any, done[name]).name for name in errors] == [*near, "sensor_gain"]
+    assert asked[-1] == (f"{FRICTION} ended", 1.15), "what describes its moves best may be the right one"
+    trials[FRICTION].at_limits = ("coulomb_asymmetry",)
     done = moves_search.finished(cast(Any, None), cast(Any, trials))
-    assert cast(Any, done["friction"]).name == "friction", "what is no such effect is not worth the time"
+    assert cast(Any, done[FRICTION]).name == FRICTION, "what is no such effect is not worth the time"
 
 
 @pytest.mark.parametrize(
@@ -83,7 +92,7 @@ def test_what_contains_an_effect_that_leaves_next_to_nothing_is_not_ended(
     assert not moves_search.inner_suffices("constant_force", trials)
 
 
-@pytest.mark.parametrize(("near", "settled"), [(2.0, ["force", "friction"]), (9.0, ["force"])])
+@pytest.mark.parametrize(("near", "settled"), [(2.0, [FORCE, FRICTION]), (9.0, [FORCE])])
 def test_where_none_is_anywhere_near_the_nearest_alone_is_settled(
     monkeypatch: Any, near: float, settled: list[str]
 ) -> None:
@@ -92,7 +101,7 @@ def test_where_none_is_anywhere_near_the_nearest_alone_is_settled(
         explained = SimpleNamespace(fitted=fitted)
         return SimpleNamespace(train_rms=train, held_rms=train, model=explained, at_limits=())
 
-    trials = {"force": trial("force", near), "friction": trial("friction", 1.1 * near)}
+    trials = {FORCE: trial(FORCE, near), FRICTION: trial(FRICTION, 1.1 * near)}
     asked: list[str] = []
     monkeypatch.setattr(moves_search, "swings_at_all", lambda _model: False)
     monkeypatch.setattr(moves_search, "with_own_errors", lambda fitted: asked.append(fitted.name) or fitted)
@@ -114,7 +123,7 @@ def test_the_nearest_that_is_led_on_is_judged_by_where_it_ended(monkeypatch: Any
         explained = SimpleNamespace(fitted=fitted)
         return SimpleNamespace(train_rms=train, held_rms=train, model=explained, at_limits=limits)
 
-    trials = {"hung": trial("hung", 1.9, ("X1.hung_speed",)), "body": trial("body", 2.1)}
+    trials = {HUNG: trial(HUNG, 1.9, ("X1.hung_speed",)), BODY: trial(BODY, 2.1)}
     further = trial("further", 0.9)
     by_name = {**trials, "further": further}
     monkeypatch.setattr(moves_search, "swings_at_all", lambda _model: True)
@@ -132,9 +141,51 @@ def test_the_nearest_that_is_led_on_is_judged_by_where_it_ended(monkeypatch: Any
     ended: list[Any] = []
     monkeypatch.setattr(moves_search, "to_the_end", lambda _scene, one, *_: ended.append(one) or one)
     done = moves_search.finished(cast(Any, None), cast(Any, trials))
-    assert led == ["hung"]
-    assert cast(Any, done["hung"]) is further
+    assert led == [HUNG]
+    assert cast(Any, done[HUNG]) is further
     assert further in ended
+
+
+@pytest.mark.parametrize(
+    ("limits", "ground", "named"),
+    [(("X1.ripple_period",), 2.2, True), ((), 2.2, False), (("X1.ripple_period",), 4.8, False)],
+    ids=["a likeness", "an effect", "nothing there, either"],
+)
+def test_the_others_begin_on_the_machine_that_a_likeness_of_the_right_effect_found(
+    monkeypatch: Any, limits: tuple[str, ...], ground: float, named: bool
+) -> None:
+    """A ripple without a period described what a gain does, and led to the right machine, while the gain's own starts
+    stayed in a valley that was far off."""
+    on_ground = {"sensor_gain": ground, FORCE: 5.1, FRICTION: 5.3, BODY: 5.2}
+
+    def trial(name: str, train: float, held: float, limits: tuple[str, ...] = ()) -> Any:
+        fitted = SimpleNamespace(rms=train, model=SimpleNamespace(effects=(SimpleNamespace(name=name),)))
+        explained = SimpleNamespace(fitted=fitted)
+        return SimpleNamespace(train_rms=train, held_rms=held, at_limits=limits, model=explained)
+
+    def fitted(_moves: Any, model: Any, *_: Any) -> Any:
+        name = model.effects[0].name
+        return SimpleNamespace(rms=on_ground[name], model=model)
+
+    trials = {name: trial(name, 4.2, 6.6) for name in on_ground}
+    trials["transmission_ripple"] = trial("transmission_ripple", 1.1, 1.5, limits)
+    candidates = [SimpleNamespace(name=name, model=one.model.fitted.model) for name, one in trials.items()]
+    right = trial("sensor_gain", 1.0, 1.0)
+    base = SimpleNamespace(moves=())
+    monkeypatch.setattr(moves_search, "ground_of", lambda *_: SimpleNamespace(moves=()))
+    monkeypatch.setattr(moves_search, "placed", lambda *_: SimpleNamespace(at=None))
+    monkeypatch.setattr(moves_search, "fit", fitted)
+    monkeypatch.setattr(moves_search, "noted", lambda brief, _moves: brief)
+    monkeypatch.setattr(moves_search, "carried", lambda _base, brief, _rounds: replace_rms(brief, 1.0))
+    monkeypatch.setattr(moves_search, "settled", lambda fitted, _rounds: fitted)
+    monkeypatch.setattr(moves_search, "trial_of", lambda _scene, _fitted: right)
+    monkeypatch.setattr(moves_search, "ended", lambda _scene, one: one)
+    out = moves_search.beside_likeness(cast(Any, None), cast(Any, base), cast(Any, candidates), trials)
+    assert out == ({"sensor_gain": right} if named else {})
+
+
+def replace_rms(one: Any, rms: float) -> Any:
+    return SimpleNamespace(**{**vars(one), "rms": rms})
 
 
 @pytest.mark.parametrize(("train", "held", "told"), [(0.95, 1.4, 2.0), (0.95, 7.5, 0.3)])
