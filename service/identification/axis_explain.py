@@ -20,7 +20,17 @@ from service.identification.moves_motors import CONTRADICTED, PLAINLY, left_by_m
 from service.identification.moves_search import challenged, describes_all, propose, without
 from service.identification.moves_starts import TOO_MUCH
 from service.identification.scene import Scene, declared_fits, scene_of
-from service.identification.selection import Limits, Selection, Trial, distance, left, select, shown
+from service.identification.selection import (
+    EXPLAINED,
+    Limits,
+    Selection,
+    Trial,
+    distance,
+    gone,
+    left,
+    select,
+    shown,
+)
 from service.recording import Recording
 
 MATERIAL = 0.1
@@ -118,10 +128,10 @@ def contradicted(
     motors are described with it."""
     witnessed = as_heard_by_motors(before).validation_rms > 0.0
     first = hidden(scene, before, HIDDEN, len(DRIVEN), tell) if plainly and witnessed else None
-    if first and first.effects and describes_motors(first.after):
+    if first and first.effects and describes_motors(before, first.after):
         return first
     beside = searched(scene, before, tell, LIMITS, but=HIDDEN if witnessed else ())
-    if beside.effects and describes_motors(beside.after):
+    if beside.effects and describes_motors(before, beside.after):
         return beside
     if witnessed:
         swung = selected(
@@ -131,7 +141,7 @@ def contradicted(
             tell,
             LIMITS,
         )
-        if swung.effects and describes_motors(swung.after):
+        if swung.effects and describes_motors(before, swung.after):
             again = {candidate.effect for candidate in swung.candidates}
             others = tuple(one for one in beside.candidates if one.effect not in again)
             return replace(swung, candidates=others + swung.candidates)
@@ -143,9 +153,11 @@ def contradicted(
     return replace(beside, candidates=beside.candidates + found.candidates, hinted=hinted)
 
 
-def describes_motors(trial: Trial[Explained]) -> bool:
-    """Whether a model describes the moves that were fitted and the others, and what the motors say."""
-    return describes_all(trial) and float(np.max(left_by_motors(trial.model.fitted))) <= CONTRADICTED
+def describes_motors(before: Trial[Explained], trial: Trial[Explained]) -> bool:
+    """Whether a model describes the moves that were fitted and the others, and what the motors say: they leave what a
+    clean machine's do, or nearly all is gone by which they contradicted the model before."""
+    first, left_by = (float(np.max(left_by_motors(t.model.fitted))) for t in (before, trial))
+    return describes_all(trial) and (left_by <= CONTRADICTED or gone(first, left_by, EXPLAINED))
 
 
 def searched(

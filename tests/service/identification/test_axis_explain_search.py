@@ -184,11 +184,12 @@ def test_what_describes_the_motors_too_hides_nothing(
     [
         (5.0, 1.1, 1.4, ("gearbox_clearance",), False),
         (5.0, 1.2, 1.4, ("gearbox_clearance",), True),
-        (5.0, 1.1, 1.6, ("gearbox_clearance",), True),
+        (5.0, 1.1, 2.1, ("gearbox_clearance",), True),
+        (5.0, 1.1, 1.6, ("gearbox_clearance",), False),
         (5.0, 1.1, 1.4, (), True),
         (2.7, 1.1, 1.4, ("gearbox_clearance",), True),
     ],
-    ids=["plain", "other moves not", "motors not", "nothing hidden", "not plain"],
+    ids=["plain", "other moves not", "motors not", "motors nearly", "nothing hidden", "not plain"],
 )
 def test_what_the_motors_speak_of_plainly_is_asked_for_first_and_taken_if_it_describes_all(
     monkeypatch: pytest.MonkeyPatch,
