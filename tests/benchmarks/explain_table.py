@@ -176,10 +176,12 @@ def made(options: argparse.Namespace) -> list[Path]:
     kinds |= dict.fromkeys(CLEAN, options.clean // len(CLEAN)) if options.clean else {}
     files = []
     for kind, count in kinds.items():
-        folder = options.work / f"{kind}-{count}-{options.seed}-{fingerprint(*GENERATOR)}"
+        sensors = "-any-sensors" if options.any_sensors else ""
+        folder = options.work / f"{kind}-{count}-{options.seed}{sensors}-{fingerprint(*GENERATOR)}"
         if not (folder / "done").exists():
             sys.stderr.write(f"generate {count} pairs of {kind} in {folder}\n")
-            generate.generate(generate.Campaign(kind, count, options.seed, pairs=True), folder)
+            campaign = generate.Campaign(kind, count, options.seed, True, options.any_sensors)
+            generate.generate(campaign, folder)
             (folder / "done").touch()
         files += list(folder.glob("*-truth.json"))
     return sorted(files, key=lambda path: (path.name.rsplit("-", 2)[1], path.name))
@@ -219,6 +221,7 @@ def parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--count", type=int, default=10, help="machines of each effect")
     parser.add_argument("--clean", type=int, default=50, help="clean machines")
     parser.add_argument("--seed", type=int, default=1, help="of the generator; another one, other machines")
+    parser.add_argument("--any-sensors", action="store_true", help="slow, noisy and lossy ones, too")
     parser.add_argument("--jobs", type=int, default=1, help="processes at once")
     parser.add_argument("--folder", type=Path, help="a folder of pairs with truth instead")
     parser.add_argument("--work", type=Path, default=Path("build/explain"), help="for captures and records")

@@ -1,8 +1,8 @@
 """Write campaigns of captures.
 
-`python -m tests.undeclared.generate --kind KIND --count N --seed S --out DIR [--pairs]`, where KIND is `single`,
-`gantry`, `impure`, `impure_gantry`, `none`, `messy`, an effect (or several, joined by +), `gantry-EFFECT` (a declared
-gantry, one of whose axes has the effect) or `fault-NAME`.
+`python -m tests.undeclared.generate --kind KIND --count N --seed S --out DIR [--pairs] [--any-sensors]`, where KIND is
+`single`, `gantry`, `impure`, `impure_gantry`, `none`, `messy`, an effect (or several, joined by +), `gantry-EFFECT` (a
+declared gantry, one of whose axes has the effect) or `fault-NAME`.
 """
 
 from __future__ import annotations
@@ -57,12 +57,13 @@ class Case:
 
 @dataclass(frozen=True)
 class Campaign:
-    """What is asked for on the command line."""
+    """What is asked for on the command line; pairs have good sensors unless `any_sensors` may be drawn."""
 
     kind: str
     count: int
     seed: int
     pairs: bool = False
+    any_sensors: bool = False
 
     @property
     def effect(self) -> str:
@@ -97,7 +98,7 @@ def cases(c: Campaign, index: int) -> list[Case]:
     machines = _machines(c, index, rng)
     struck = int(rng.integers(2)) if c.one_side else None
     planted, of_sensor = _plant(c, rng, machines[struck or 0])
-    good = c.pairs and c.kind != "gantry"
+    good = c.pairs and c.kind != "gantry" and not c.any_sensors
     sensor = sensors.draw(rng, good)
     names = ("train", "validate") if c.pairs else ("",)
     steps = draw.move_pair(rng) if c.pairs else (draw.moves(rng),)
@@ -299,8 +300,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--pairs", action="store_true")
+    parser.add_argument(
+        "--any-sensors", action="store_true", help="pairs with slow, noisy and lossy sensors, too"
+    )
     a = parser.parse_args(arguments)
-    written = generate(Campaign(a.kind, a.count, a.seed, a.pairs), a.out)
+    written = generate(Campaign(a.kind, a.count, a.seed, a.pairs, a.any_sensors), a.out)
     sys.stdout.write(f"{written} recordings of {a.kind} in {a.out}\n")
     return 0
 

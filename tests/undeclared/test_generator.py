@@ -205,6 +205,15 @@ def test_the_same_seed_gives_the_same_bytes(tmp_path: Path, monkeypatch: pytest.
     assert set(truth["backlash_m"]) == {"X1", "X2"} and truth["effect"] == "none"
 
 
+def test_pairs_have_good_sensors_unless_any_are_asked_for() -> None:
+    def drawn(any_sensors: bool) -> list[dict[str, float]]:
+        campaign = Campaign("none", 12, 3, pairs=True, any_sensors=any_sensors)
+        return [dict(case.sensor) for index in range(12) for case in cases(campaign, index)]
+
+    assert {s["speed_hz"] for s in drawn(False)} == {1000.0} and not any(s["lost"] for s in drawn(False))
+    assert {s["speed_hz"] for s in drawn(True)} == {500.0, 1000.0} and any(s["lost"] for s in drawn(True))
+
+
 def test_nothing_is_shared_with_the_product() -> None:
     """No import of the code under test: an error there must not cancel itself here."""
     for path in Path(__file__).parent.glob("*.py"):
