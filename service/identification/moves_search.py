@@ -239,11 +239,11 @@ def beside_likeness(
     machine that it found, by name: a likeness of the right effect leads to the right machine, from which that one's own
     starts were too far. A few moves say which of them explain anything there; these are fitted to all and ended."""
     best = min(trials.values(), key=distance)
-    if not best.at_limits:
+    others = [c for c in tried if c.name != best.model.fitted.model.effects[-1].name]
+    if not (best.at_limits and others):
         return {}
     ground = ground_of(base, best.model.fitted)
-    own = best.model.fitted.model.effects[-1].name
-    begun = [fit(ground.moves, c.model, placed(ground, c).at, BRIEF) for c in tried if c.name != own]
+    begun = [fit(ground.moves, c.model, placed(ground, c).at, BRIEF) for c in others]
     usual = np.median([one.rms for one in begun])
     out = dict[str, Trial[Explained]]()
     for brief in sorted((one for one in begun if one.rms < SECOND * usual), key=lambda f: f.rms)[:FINALISTS]:

@@ -182,6 +182,8 @@ def test_the_others_begin_on_the_machine_that_a_likeness_of_the_right_effect_fou
     monkeypatch.setattr(moves_search, "ended", lambda _scene, one: one)
     out = moves_search.beside_likeness(cast(Any, None), cast(Any, base), cast(Any, candidates), trials)
     assert out == ({"sensor_gain": right} if named else {})
+    alone = cast(Any, candidates[-1:])
+    assert moves_search.beside_likeness(cast(Any, None), cast(Any, base), alone, trials) == {}
 
 
 def replace_rms(one: Any, rms: float) -> Any:
