@@ -60,8 +60,8 @@ SHARES, NEAR_BY = np.linspace(0.05, 0.95, 19), np.array([0.02, 0.04, 0.08])
 DIVIDED, FOLLOWED = 6, 3
 """How often at most a fit is begun with its play otherwise divided, and how many of those are fitted to all moves."""
 OF_FEW = 0.4
-"""Share of what a few moves and their motors show from which on what takes it is fitted to all (chosen: two gaps take
-half of it and more even from a valley that is not theirs, on machines that have but one they take a third)."""
+"""Share of what a few moves and their motors show from which on what takes it is fitted to all (chosen: two gaps
+take about half of it or more where they are found at all, and up to two fifths on machines that have but one)."""
 HINT = 1.0 / 3.0
 """Share of what samples and motors show from which on something hides there, although no fit found it (chosen)."""
 NO_GAP = 1e-6
