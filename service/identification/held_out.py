@@ -30,7 +30,14 @@ from service.backlash.moves_fit import (
     zeros_alike,
 )
 from service.dynamics.driven_model import LINKS, Model
-from service.identification.moves_rests import KNOWN, WORSE, how_known, swinging_on, swings_at_all
+from service.identification.moves_lying import as_left_and_told, pinions_lie
+from service.identification.moves_rests import (
+    KNOWN,
+    WORSE,
+    how_known,
+    swinging_on,
+    swings_at_all,
+)
 from service.identification.scene import Scene
 from service.identification.selection import Trial, independent_samples, shown
 from service.recording import FloatArray
@@ -130,6 +137,8 @@ def held_out(validate: Moves, found: Fitted, thorough: bool = True) -> Held:
     """
     model, free = found.model, found_again(found.model)
     moves, at, known, _ = begun(validate, found, thorough)
+    if thorough and pinions_lie(model):
+        (moves,), at = as_left_and_told(replace(found, moves=(moves,), at=at), EARLY)
     predicted = said(moves, model, at)
     for _ in range(TURNS if thorough else 0):
         early = early_part(moves, EARLY)

@@ -21,12 +21,13 @@ from service.backlash.moves_fit import Fitted, fit, reconstructed, values_at
 from service.dynamics.driven_model import DrivenEffect
 from service.identification.explanation import Candidate
 from service.identification.given_effects import LEFT
-from service.identification.held_out import DESCRIBED, Explained, trial_of
+from service.identification.held_out import DESCRIBED, SEARCHED, Explained, trial_of
 from service.identification.moves_end import RIDGE, settled
 from service.identification.moves_looks import VALLEYS, noted
+from service.identification.moves_lying import lying_as_left, pinions_lie
 from service.identification.moves_motors import CONTRADICTED, of_moves
 from service.identification.moves_ridges import at_all_frequencies, put_back
-from service.identification.moves_search import FIRST_ROUNDS, carried
+from service.identification.moves_search import AGAINST, FIRST_ROUNDS, carried
 from service.identification.moves_starts import (
     BRIEF,
     ROUNDS,
@@ -55,6 +56,9 @@ from service.identification.selection import (
 
 TURNS = 2
 """How often a fit with its motors asked and the reconstructed motion take turns (chosen)."""
+STEPS, PATIENCE = 8, 3
+"""How often at most a fit goes on from where its own numbers leave loads and pinions, and how often at least (chosen:
+the first steps lead uphill, out of what fitted with pinions that lay elsewhere)."""
 SHARES, NEAR_BY = np.linspace(0.05, 0.95, 19), np.array([0.02, 0.04, 0.08])
 """Shares of all play with which the backlash is begun, and how far from the one that is reached afterwards (chosen)."""
 DIVIDED, FOLLOWED = 6, 3
@@ -75,6 +79,21 @@ def jointly(found: Fitted) -> Fitted:
     return found
 
 
+def led_through_rests(found: Fitted) -> Fitted:
+    """The fit, or the nearest of those that go on from it with every move begun where the one before leaves load and
+    pinion by the numbers found so far: a move that is begun elsewhere draws the shared numbers after it, and by itself
+    hardly tells where it began."""
+    best = on = found
+    for turn in range(STEPS if pinions_lie(found.model) else 0):
+        moves, at = lying_as_left(on.moves, on.model, on.at)
+        begun = reconstructed(replace(on, moves=moves, at=at), asked=True, by_noise=True)
+        on = fit(begun, on.model, at, ROUNDS)
+        best, before = min(best, on, key=lambda f: f.rms_with_motors), best
+        if turn >= PATIENCE and best.rms_with_motors > RIDGE * before.rms_with_motors:
+            break
+    return best
+
+
 def otherwise_divided(found: Fitted) -> Fitted:
     """The fit, or the nearest that begins with its play otherwise divided between the two gaps, by samples and motors
     together, then from near by, as long as that is nearer and more than noise is left: a few moves choose where all are
@@ -86,7 +105,11 @@ def otherwise_divided(found: Fitted) -> Fitted:
         begun = (begun_at(few, found.model, values, own) for values in divisions(found, near_by=turn > 0))
         best = sorted((fit(few, found.model, at, BRIEF) for at in begun), key=lambda f: f.rms_with_motors)
         starts = (fitted_from(found, values_at(one), 0) for one in best[:FOLLOWED])
-        before, found = found, min([found, *map(jointly, starts)], key=lambda f: f.rms_with_motors)
+        before, near = found, sorted(map(jointly, starts), key=lambda f: f.rms_with_motors)
+        led = (
+            led_through_rests(one) for one in near if one.rms_with_motors < AGAINST * near[0].rms_with_motors
+        )
+        found = min([found, *led], key=lambda f: f.rms_with_motors)
         if found.rms_with_motors > RIDGE * before.rms_with_motors:
             break
     return found
@@ -124,8 +147,10 @@ def hidden(
     base, fits = before.model.fitted, list[Fitted]()
     heard = as_heard_by_motors(before)
     tried = candidates(base.model, kinds, ()) if heard.validation_rms else []
-    for candidate in tried:
-        fits += [on_all_moves(base, one) for one in promising(scene, base, candidate)]
+    for one in (valley for candidate in tried for valley in promising(scene, base, candidate)):
+        fits.append(on_all_moves(base, one))
+        if fits[-1].rms_with_motors < SEARCHED:
+            break
     if not fits:
         return Selection(before, before, (), tuple(nothing_shown(before, one.name) for one in tried), ())
     present = jointly(replace(base, moves=unanswering(base.moves)))
@@ -155,10 +180,12 @@ def on_all_moves(base: Fitted, one: Fitted) -> Fitted:
     """What was fitted to a few moves, fitted to all and their motors: at once, for the samples alone may lead out of a
     valley that both have found, or after some rounds to the samples; the nearer of both."""
     brief = noted(one, base.moves)
-    return min(
-        (jointly(carried(base, brief, rounds)) for rounds in (0, FIRST_ROUNDS)),
-        key=lambda f: f.rms_with_motors,
-    )
+    out = list[Fitted]()
+    for rounds in (0, FIRST_ROUNDS):
+        out.append(led_through_rests(jointly(carried(base, brief, rounds))))
+        if out[-1].rms_with_motors < SEARCHED:
+            break
+    return min(out, key=lambda f: f.rms_with_motors)
 
 
 def swinging(

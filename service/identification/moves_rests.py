@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from service.backlash.moves import REST_SPREAD, Moves, Swings, left_over, simulated
 from service.backlash.moves_fit import Fitted, Point, fit
-from service.dynamics.driven import wider
+from service.dynamics.driven import Course, wider
 from service.dynamics.driven_model import Model
 from service.dynamics.driven_motion import of_motors
 from service.recording import FloatArray
@@ -79,17 +80,41 @@ def swings_at_all(model: Model) -> bool:
     return any(effect.states for effect in model.effects)
 
 
-def swings(moves: Moves, model: Model, shared: FloatArray, local: FloatArray, known: float) -> Swings:
-    """What every move finds left of the move before, by a simulation through the rests; the first one finds nothing."""
+class Rests(NamedTuple):
+    """Sets of moves simulated through the rests that follow them.
+
+    Attributes
+    ----------
+    said : the simulation
+    states : (S, T − 1, n), of the chains when the next move begins
+    motor : (S, T − 1, X, 2) position and speed of the motors then
+    apart : (T − 1,) time from one move to the next [s]
+    """
+
+    said: Course
+    states: FloatArray
+    motor: FloatArray
+    apart: FloatArray
+
+
+def through_rests(moves: Moves, model: Model, shared: FloatArray, local: FloatArray) -> Rests:
+    """All moves but the last of one recording to where the next begins; shared (S, P), local (S, T, L)."""
     apart = np.diff(moves.start)
     K = int(np.ceil(min(float(np.max(apart)), LONGEST) / moves.h)) + 1
-    values = model.complete(model.values(shared[None]))
+    values = model.complete(model.values(shared))
     skews = np.stack([values[f"{a}.skew"] for a in model.axes], axis=1)
     c = of_motors([moves.plain] * len(moves.grids), moves.start, moves.h, K, skews)
-    said = simulated(moves, model, shared[None], local[None], c)
+    said = simulated(moves, model, shared, local, c)
     last = np.minimum(np.round(apart / moves.h).astype(int), K - 1)
     each = np.arange(len(apart))
-    states, motor = said.states[0, each, last], c[0, each, last, :, :2]
+    return Rests(said, said.states[:, each, last], c[:, each, last][..., :2], apart)
+
+
+def swings(moves: Moves, model: Model, shared: FloatArray, local: FloatArray, known: float) -> Swings:
+    """What every move finds left of the move before, by a simulation through the rests; the first one finds nothing."""
+    rests = through_rests(moves, model, shared[None], local[None])
+    said, states, motor, apart = rests.said, rests.states[0], rests.motor[0], rests.apart
+    values = model.complete(model.values(shared[None]))
     rest = np.maximum(np.concatenate(([0.0], apart - moves.h * moves.samples)), 0.0)
     there = (apart < LONGEST) & np.all(np.isfinite(states), axis=1)
     released: dict[str, FloatArray] = {}

@@ -12,13 +12,21 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from service.backlash.moves import Moves, misfits, predict, with_motors_asked
+from service.backlash.moves import REST_SPREAD, Moves, misfits
 from service.backlash.moves_begun import Values, shared_at
 from service.backlash.moves_fit import Fitted, Point, at_rest, fit, values_at
+from service.dynamics.driven_model import Model
+from service.identification.moves_lying import (
+    axis_of,
+    left_lying,
+    lying_as_left,
+    lying_now,
+    motors_asked,
+    pinions,
+)
 from service.identification.moves_starts import (
     BRIEF,
     Candidate,
-    begun_at,
     everywhere,
     fewer,
     on_a_few_moves,
@@ -44,6 +52,8 @@ APART = 0.1
 PROMISING = 0.98
 """How much nearer to a few moves than the present fit one of the first fits must come for the others to be followed
 (chosen: of a few moves' RMS two parts in a hundred are chance)."""
+TURNS = 3
+"""How often a fit of a few moves goes on from where its own numbers leave the pinions (chosen)."""
 QUICK = 2
 """Rounds after which the worse half of the new fits is given up."""
 
@@ -53,8 +63,9 @@ def valleys(scene: Scene, found: Fitted, candidate: Candidate) -> list[Fitted]:
     rng = np.random.default_rng(SEED)
     few = asked(found)
     own = widened((own_of_few(found),), candidate.model)[0]
+    where = places_of_loads(few[0], found.model, found.at.shared, own_of_few(found))
     begun = [
-        about(few, candidate, values, own, SETS, (WIDE, WIDE), rng)[:1]
+        about(few, candidate, values, own, where, SETS, (WIDE, WIDE), rng)[:1]
         for values in everywhere(scene, found, candidate)
     ]
     alive = survivors(fitted_best(few, candidate, begun, FITTED), candidate)
@@ -63,7 +74,9 @@ def valleys(scene: Scene, found: Fitted, candidate: Candidate) -> list[Fitted]:
         return alive[:1]
     for _ in range(GENERATIONS):
         children = [
-            about(few, candidate, values_at(one), one.at.local[0], CHILDREN, WIDTHS, rng)[:KEPT]
+            about(
+                few, candidate, values_at(one), one.at.local[0], places(few[0], one), CHILDREN, WIDTHS, rng
+            )[:KEPT]
             for one in alive
         ]
         alive = survivors([*alive, *fitted_best(few, candidate, children, POPULATION)], candidate)
@@ -73,17 +86,8 @@ def valleys(scene: Scene, found: Fitted, candidate: Candidate) -> list[Fitted]:
 def asked(found: Fitted) -> tuple[Moves, ...]:
     """The few moves of a fit with their motors asked: where a second gap divides the play of one, the motor meets what
     lies between them before it meets the load."""
-    own = own_of_few(found)
-    return tuple(
-        with_motors_asked(
-            part,
-            found.model,
-            found.at.shared,
-            predict(part, found.model, found.at.shared[None], own[None]).force()[0],
-            by_noise=True,
-        )
-        for part in fewer(found)
-    )
+    at = Point(found.at.shared, (own_of_few(found),))
+    return motors_asked(fewer(found), found.model, at)
 
 
 def about(
@@ -91,6 +95,7 @@ def about(
     candidate: Candidate,
     values: Values,
     own: FloatArray,
+    where: FloatArray,
     sets: int,
     widths: tuple[float, float],
     rng: np.random.Generator,
@@ -104,8 +109,10 @@ def about(
     rests = [candidate.effect.rests(one) for one in varied]
     ends = few[0].ends
     tried, squares = [], []
-    for k in range(len(rests[0])):
-        local = np.stack([at_rest(own, candidate.model, rest[k]) for rest in rests])
+    sides = [
+        np.stack([at_rest(own, candidate.model, rest[k]) for rest in rests]) for k in range(len(rests[0]))
+    ]
+    for local in (*sides, as_left(few[0], candidate.model, shared, sides[0], where)):
         r = misfits(few[0], candidate.model, shared, local)
         tried.append(local)
         squares.append(np.nan_to_num(np.add.reduceat(r**2, ends[:-1], axis=1), nan=np.inf))
@@ -115,18 +122,66 @@ def about(
     return [(float(rms[k]), Point(shared[k], (local[k],))) for k in np.argsort(rms)]
 
 
+def as_left(few: Moves, model: Model, shared: FloatArray, local: FloatArray, where: FloatArray) -> FloatArray:
+    """Sets (S, T, L) with the pinions where the moves before leave them, and the loads at `where` (T, X)."""
+    out, numbers = local.copy(), [model.numbers(one) for one in shared]
+    for (k, p), left in left_lying(few, model, shared, local).items():
+        x = axis_of(model, p)
+        gap = np.array([one[f"{model.axes[x]}.backlash"] for one in numbers])[:, None]
+        place = np.where(np.isfinite(left), left, 0.0)
+        out[..., k] = p.internal(place)
+        out[..., 2 * x] = (where[:, x] + 0.5 * few.s * gap - place) / REST_SPREAD[0]
+    return out
+
+
+def places(few: Moves, found: Fitted) -> FloatArray:
+    """Where the loads of a fit lie when its moves begin, beside their motors [m]: (T, X)."""
+    return places_of_loads(few, found.model, found.at.shared, found.at.local[0])
+
+
+def places_of_loads(few: Moves, model: Model, shared: FloatArray, own: FloatArray) -> FloatArray:
+    """The same of coordinates (P,) and (T, L)."""
+    values, out = model.numbers(shared), np.empty((len(own), len(model.axes)))
+    for x, axis in enumerate(model.axes):
+        out[:, x] = REST_SPREAD[0] * own[:, 2 * x] - 0.5 * few.s * values[f"{axis}.backlash"]
+    for k, p in pinions(model):
+        out[:, axis_of(model, p)] += lying_now(few, model, shared[None], own[None], k)[0]
+    return out
+
+
 def fitted_best(
     few: Sequence[Moves], candidate: Candidate, begun: Sequence[Sequence[tuple[float, Point]]], count: int
 ) -> list[Fitted]:
     """All fitted, but only the best `count` for more than a few rounds: how near a set comes as it is says little.
-    These begin with every move's zeros found anew: where a load rests tells only once the machine is about right, and
-    beside a wrong rest the right machine stays as far from the moves as a wrong one."""
+    These go on with their pinions where the moves before leave them: beside a wrong rest the right machine stays as far
+    from the moves as a wrong one."""
     quick = sorted(
         (fit(few, candidate.model, at, QUICK) for part in begun for _, at in part),
         key=lambda f: f.rms_with_motors,
     )
-    best = ((f.model, begun_at(few, f.model, values_at(f), f.at.local)) for f in quick[:count])
-    return [fit(few, model, at, BRIEF) for model, at in best]
+    return [by_rests(few, f) for f in quick[:count]]
+
+
+def by_rests(few: Sequence[Moves], found: Fitted) -> Fitted:
+    """The nearest of a fit of a few moves and of those that go on from where the moves before leave the pinions."""
+    best = on = found
+    for _ in range(TURNS):
+        moves, at = lying_as_left(few, on.model, on.at)
+        on = fit(moves, on.model, at, BRIEF // 2)
+        on = fit(few, on.model, as_anywhere(on), 0)
+        best = min(best, on, key=lambda f: f.rms_with_motors)
+    return best
+
+
+def as_anywhere(found: Fitted) -> Point:
+    """The point of a fit whose moves say where its pinions were left, among moves that do not."""
+    local = []
+    for part, own in zip(found.moves, found.at.local, strict=True):
+        out = own.copy()
+        for k, p in pinions(found.model):
+            out[:, k] = p.internal(lying_now(part, found.model, found.at.shared[None], own[None], k)[0])
+        local.append(out)
+    return Point(found.at.shared, tuple(local))
 
 
 def survivors(fits: Sequence[Fitted], candidate: Candidate) -> list[Fitted]:

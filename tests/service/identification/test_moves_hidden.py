@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -255,9 +255,57 @@ def test_a_valley_is_carried_to_all_moves_with_and_without_samples_first(
     monkeypatch.setattr(moves_hidden, "carried", lambda _base, _one, rounds: rounds)
     ends = {0: at_once, moves_hidden.FIRST_ROUNDS: after_rounds}
     monkeypatch.setattr(moves_hidden, "jointly", lambda rounds: two_gaps(0.0, 0.0, ends[rounds]))
+    monkeypatch.setattr(moves_hidden, "led_through_rests", lambda found: found)
     base: Any = SimpleNamespace(moves=())
     reached = moves_hidden.on_all_moves(base, two_gaps(0.0, 0.0)).rms_with_motors
     assert reached == min(at_once, after_rounds)
+
+
+def test_a_valley_that_describes_samples_and_motors_is_carried_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(moves_hidden, "noted", lambda found, _moves: found)
+    carried: list[int] = []
+    monkeypatch.setattr(moves_hidden, "carried", lambda _base, _one, rounds: carried.append(rounds))
+    monkeypatch.setattr(moves_hidden, "jointly", lambda _begun: two_gaps(0.0, 0.0, 1.0))
+    monkeypatch.setattr(moves_hidden, "led_through_rests", lambda found: found)
+    base: Any = SimpleNamespace(moves=())
+    assert moves_hidden.on_all_moves(base, two_gaps(0.0, 0.0)).rms_with_motors == 1.0
+    assert carried == [0]
+
+
+@pytest.mark.parametrize(
+    ("ends", "best", "steps"),
+    [
+        ((1.4, 1.5, 0.98, 1.1, 1.2), 0.98, 4),
+        ((2.5, 2.4, 2.3, 2.2, 2.1), 2.0, 4),
+        ((1.9, 1.8, 1.7, 1.6, 1.5, 1.4, 1.3, 1.2, 1.1), 1.2, 8),
+    ],
+)
+def test_a_fit_goes_on_uphill_from_where_its_numbers_leave_the_pinions(
+    monkeypatch: pytest.MonkeyPatch, ends: tuple[float, ...], best: float, steps: int
+) -> None:
+    """A few steps at least, as long as they lead nearer, and not without end."""
+    left = iter(ends)
+    taken: list[float] = []
+
+    def fit(_moves: Any, _model: Any, _at: Any, _rounds: int) -> Any:
+        taken.append(next(left))
+        return cast(Any, Step(taken[-1]))
+
+    @dataclass(frozen=True)
+    class Step:
+        rms_with_motors: float
+        moves: Any = ()
+        model: Any = "two gaps"
+        at: Any = "at"
+
+    monkeypatch.setattr(moves_hidden, "pinions_lie", lambda _model: True)
+    monkeypatch.setattr(moves_hidden, "lying_as_left", lambda moves, _model, at: (moves, at))
+    monkeypatch.setattr(moves_hidden, "reconstructed", lambda found, **_asked: found.moves)
+    monkeypatch.setattr(moves_hidden, "fit", fit)
+    assert moves_hidden.led_through_rests(cast(Any, Step(2.0))).rms_with_motors == best
+    assert len(taken) == steps
+    monkeypatch.setattr(moves_hidden, "pinions_lie", lambda _model: False)
+    assert moves_hidden.led_through_rests(cast(Any, Step(2.0))).rms_with_motors == 2.0
 
 
 def two_gaps(backlash: float, clearance: float, rms: float = 2.0, contact: float = 1e6) -> Any:
@@ -313,9 +361,14 @@ def test_play_is_divided_otherwise_as_long_as_that_is_nearer(
     )
     on_all = {1.2: 1.6, 1.3: 1.5, 1.7: 1.8}
     monkeypatch.setattr(moves_hidden, "jointly", lambda begun: two_gaps(0.0, 0.0, on_all[begun]))
+    led: list[float] = []
+    monkeypatch.setattr(
+        moves_hidden, "led_through_rests", lambda found: led.append(found.rms_with_motors) or found
+    )
     assert otherwise_divided(two_gaps(0.0, 0.0, rms)).rms_with_motors == min(rms, 1.5)
     assert asked_for == [False, True][:turns]
     assert carried == [1.2, 1.3, 1.7] * turns
+    assert led == [1.5, 1.6] * turns, "what is far behind the nearest goes nowhere"
 
 
 def test_the_held_out_motors_are_those_of_the_moves_as_they_were_predicted(found: Any) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from service.dynamics.effects.driven_library import DRIVEN
 from service.identification import moves_valleys
-from service.identification.moves_valleys import APART, POPULATION, QUICK, fitted_best, survivors
+from service.identification.moves_valleys import APART, POPULATION, by_rests, fitted_best, survivors
 
 CLEARANCE = DRIVEN["gearbox_clearance"](("X1",))
 VALUES = {
@@ -39,26 +39,29 @@ def test_of_fits_that_ended_alike_the_best_lives_on() -> None:
     )
 
 
-def test_the_best_after_a_few_rounds_have_their_zeros_found_anew(monkeypatch: pytest.MonkeyPatch) -> None:
-    """How near a set comes as it is says little, and a fit that rests wrongly stays where it is."""
+def test_the_best_after_a_few_rounds_go_on_from_their_rests(monkeypatch: pytest.MonkeyPatch) -> None:
+    """How near a set comes as it is says little."""
+    monkeypatch.setattr(
+        moves_valleys, "fit", lambda _few, _model, at, _rounds: SimpleNamespace(rms_with_motors=at)
+    )
+    monkeypatch.setattr(moves_valleys, "by_rests", lambda _few, found: found.rms_with_motors - 0.5)
+    begun: Any = [[(9.0, 3.0)], [(1.0, 4.0), (2.0, 2.0)]]
+    found: Any = fitted_best((), cast(Any, SimpleNamespace(model="model")), begun, 2)
+    assert found == [1.5, 2.5], "the third is given up"
+
+
+def test_a_fit_that_goes_uphill_from_its_rests_stays_where_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
+    left = iter((1.4, 0.9, 1.2))
+    monkeypatch.setattr(moves_valleys, "lying_as_left", lambda few, _model, at: (few, at))
+    monkeypatch.setattr(moves_valleys, "as_anywhere", lambda found: found.at)
 
     def fit(_moves: Any, _model: Any, at: Any, rounds: int) -> Any:
-        after, rest = at
-        left = after if rounds == QUICK else after - (0.5 if rest == "anew" else 0.1)
-        return SimpleNamespace(
-            rms_with_motors=left, model="model", at=SimpleNamespace(local=rest, after=left)
-        )
-
-    def begun_at(_moves: Any, _model: Any, values: Any, local: Any) -> Any:
-        assert local == "given", "what was found so far is one of the places"
-        return (values, "anew")
+        rms = next(left) if rounds else at
+        return SimpleNamespace(rms_with_motors=rms, model="model", at=rms)
 
     monkeypatch.setattr(moves_valleys, "fit", fit)
-    monkeypatch.setattr(moves_valleys, "begun_at", begun_at)
-    monkeypatch.setattr(moves_valleys, "values_at", lambda found: found.at.after)
-    begun: Any = [[(9.0, (3.0, "given"))], [(1.0, (4.0, "given")), (2.0, (2.0, "given"))]]
-    found = fitted_best((), cast(Any, SimpleNamespace(model="model")), begun, 2)
-    assert [f.rms_with_motors for f in found] == [1.5, 2.5], "the third is given up"
+    first: Any = SimpleNamespace(rms_with_motors=1.3, model="model", at=1.3)
+    assert by_rests((), first).rms_with_motors == 0.9
 
 
 def test_two_gaps_divide_anew_and_keep_their_sum() -> None:
