@@ -125,7 +125,7 @@ def contradicted(
     hold, what swings is asked for at all frequencies, and taken if they hold with it; then what may be hidden: it has
     its name if the other moves are described with it, too, or if nothing else is found that describes them better, and
     is a hint otherwise. Where they speak `plainly` this is asked for first, and nothing else if all moves and their
-    motors are described with it."""
+    motors are described with it; nor what swings, if the motors are."""
     witnessed = as_heard_by_motors(before).validation_rms > 0.0
     first = hidden(scene, before, HIDDEN, len(DRIVEN), tell) if plainly and witnessed else None
     if first and first.effects and describes_motors(before, first.after):
@@ -133,7 +133,7 @@ def contradicted(
     beside = searched(scene, before, tell, LIMITS, but=HIDDEN if witnessed else ())
     if beside.effects and describes_motors(before, beside.after):
         return beside
-    if witnessed:
+    if witnessed and not (first and first.effects and reconciled(before, first.after)):
         swung = selected(
             scene,
             before,
@@ -154,10 +154,15 @@ def contradicted(
 
 
 def describes_motors(before: Trial[Explained], trial: Trial[Explained]) -> bool:
-    """Whether a model describes the moves that were fitted and the others, and what the motors say: they leave what a
-    clean machine's do, or nearly all is gone by which they contradicted the model before."""
+    """Whether a model describes the moves that were fitted and the others, and what the motors say."""
+    return describes_all(trial) and reconciled(before, trial)
+
+
+def reconciled(before: Trial[Explained], trial: Trial[Explained]) -> bool:
+    """Whether the motors leave what a clean machine's do, or nearly all is gone by which they contradicted the model
+    before."""
     first, left_by = (float(np.max(left_by_motors(t.model.fitted))) for t in (before, trial))
-    return describes_all(trial) and (left_by <= CONTRADICTED or gone(first, left_by, EXPLAINED))
+    return left_by <= CONTRADICTED or gone(first, left_by, EXPLAINED)
 
 
 def searched(

@@ -59,6 +59,8 @@ TURNS = 2
 STEPS, PATIENCE = 8, 3
 """How often at most a fit goes on from where its own numbers leave loads and pinions, and how often at least (chosen:
 the first steps lead uphill, out of what fitted with pinions that lay elsewhere)."""
+LED = 2
+"""How many of the valleys of a few moves are followed further on all moves (chosen)."""
 SHARES, NEAR_BY = np.linspace(0.05, 0.95, 19), np.array([0.02, 0.04, 0.08])
 """Shares of all play with which the backlash is begun, and how far from the one that is reached afterwards (chosen)."""
 DIVIDED, FOLLOWED = 6, 3
@@ -144,17 +146,13 @@ def hidden(
     the moves that were fitted, and of what the motors show from the others, beyond what chance does for the best
     `of_all` effects; the model before, where none does, and whether it is `hinted` at by less. Nothing is judged where
     the motors are not heard in the others."""
-    base, fits = before.model.fitted, list[Fitted]()
-    heard = as_heard_by_motors(before)
+    base, heard = before.model.fitted, as_heard_by_motors(before)
     tried = candidates(base.model, kinds, ()) if heard.validation_rms else []
-    for one in (valley for candidate in tried for valley in promising(scene, base, candidate)):
-        fits.append(on_all_moves(base, one))
-        if fits[-1].rms_with_motors < SEARCHED:
-            break
-    if not fits:
+    begun = [valley for candidate in tried for valley in promising(scene, base, candidate)]
+    if not begun:
         return Selection(before, before, (), tuple(nothing_shown(before, one.name) for one in tried), ())
     present = jointly(replace(base, moves=unanswering(base.moves)))
-    nearest = min(fits, key=lambda f: f.rms_with_motors)
+    nearest = on_all_moves(base, begun)
     name, gain = nearest.model.effects[-1].name, Gain.of(present, nearest)
     if gain.is_of(HINT):
         nearest = otherwise_divided(nearest)
@@ -176,15 +174,21 @@ def promising(scene: Scene, base: Fitted, candidate: DrivenCandidate) -> list[Fi
     return found[:VALLEYS]
 
 
-def on_all_moves(base: Fitted, one: Fitted) -> Fitted:
-    """What was fitted to a few moves, fitted to all and their motors: at once, for the samples alone may lead out of a
-    valley that both have found, or after some rounds to the samples; the nearer of both."""
-    brief = noted(one, base.moves)
+def on_all_moves(base: Fitted, begun: Sequence[Fitted]) -> Fitted:
+    """The nearest to all moves and their motors of what was fitted to a few: at once, for the samples alone may lead
+    out of a valley that both have found, and of the nearest `LED` after some rounds to the samples, too, until one
+    describes all."""
+
+    def carried_on(one: Fitted, rounds: int) -> Fitted:
+        return jointly(carried(base, noted(one, base.moves), rounds))
+
+    at_once = [(carried_on(one, 0), one) for one in begun]
     out = list[Fitted]()
-    for rounds in (0, FIRST_ROUNDS):
-        out.append(led_through_rests(jointly(carried(base, brief, rounds))))
-        if out[-1].rms_with_motors < SEARCHED:
-            break
+    for now, one in sorted(at_once, key=lambda pair: pair[0].rms_with_motors)[:LED]:
+        for rounds in (0, FIRST_ROUNDS):
+            out.append(led_through_rests(carried_on(one, rounds) if rounds else now))
+            if out[-1].rms_with_motors < SEARCHED:
+                return out[-1]
     return min(out, key=lambda f: f.rms_with_motors)
 
 
@@ -203,7 +207,7 @@ def swinging(
         best = fit(few, best.model, best.at, ROUNDS)
         tell(f"tried {candidate.name} at all frequencies: {best.rms_with_motors:.3f} (now {present:.3f})")
         if gone(present, best.rms_with_motors, PART):
-            out[candidate.name] = trial_of(scene, settled(on_all_moves(base, best), ROUNDS))
+            out[candidate.name] = trial_of(scene, settled(on_all_moves(base, (best,)), ROUNDS))
     return out
 
 

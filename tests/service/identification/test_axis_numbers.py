@@ -23,7 +23,7 @@ def test_how_two_gaps_divide_their_sum_is_in_the_interval_of_the_backlash(found:
     assert b == pytest.approx(0.6 * whole)
     assert clearance_beside(both, 0) == pytest.approx(whole)
     assert clearance_beside(found, 0) == 0.0
-    assert std > 0.25 * whole > 10.0 * backlash_of(found, 0)[1]
+    assert std > 0.03 * whole > 2.0 * backlash_of(found, 0)[1]
 
 
 def test_where_a_bent_flank_begins_to_push_is_in_the_interval_of_the_backlash(found: Fitted) -> None:

@@ -166,7 +166,7 @@ def test_less_than_half_is_a_hint_and_next_to_nothing_none(
     monkeypatch.setattr(moves_hidden, "as_heard_by_motors", as_heard)
     monkeypatch.setattr(moves_hidden, "candidates", lambda *_: [effect])
     monkeypatch.setattr(moves_hidden, "promising", lambda *_: fits)
-    monkeypatch.setattr(moves_hidden, "on_all_moves", lambda _base, found: found)
+    monkeypatch.setattr(moves_hidden, "on_all_moves", lambda _base, fits: fits[-1])
     monkeypatch.setattr(moves_hidden, "jointly", lambda found: found)
     divided: list[float] = []
     monkeypatch.setattr(
@@ -222,7 +222,9 @@ def test_what_swings_is_fitted_to_all_moves_if_half_of_what_is_left_is_gone_with
     monkeypatch.setattr(moves_hidden, "put_back", lambda _found: {})
     monkeypatch.setattr(moves_hidden, "at_all_frequencies", at_all)
     monkeypatch.setattr(moves_hidden, "fit", fit)
-    monkeypatch.setattr(moves_hidden, "on_all_moves", lambda _base, one: fitted.append(one.rms_with_motors))
+    monkeypatch.setattr(
+        moves_hidden, "on_all_moves", lambda _base, ones: fitted.append(ones[0].rms_with_motors)
+    )
     monkeypatch.setattr(moves_hidden, "settled", lambda one, _rounds: one)
     monkeypatch.setattr(moves_hidden, "trial_of", lambda _scene, _found: "tried")
     base = SimpleNamespace(model="declared", at=None)
@@ -257,8 +259,23 @@ def test_a_valley_is_carried_to_all_moves_with_and_without_samples_first(
     monkeypatch.setattr(moves_hidden, "jointly", lambda rounds: two_gaps(0.0, 0.0, ends[rounds]))
     monkeypatch.setattr(moves_hidden, "led_through_rests", lambda found: found)
     base: Any = SimpleNamespace(moves=())
-    reached = moves_hidden.on_all_moves(base, two_gaps(0.0, 0.0)).rms_with_motors
+    reached = moves_hidden.on_all_moves(base, [two_gaps(0.0, 0.0)]).rms_with_motors
     assert reached == min(at_once, after_rounds)
+
+
+def test_of_many_valleys_the_nearest_to_all_moves_are_followed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(moves_hidden, "noted", lambda found, _moves: found)
+    monkeypatch.setattr(moves_hidden, "carried", lambda _base, one, rounds: (one.rms_with_motors, rounds))
+    monkeypatch.setattr(moves_hidden, "jointly", lambda begun: two_gaps(0.0, 0.0, begun[0] - 0.01 * begun[1]))
+    led: list[float] = []
+    monkeypatch.setattr(
+        moves_hidden, "led_through_rests", lambda found: led.append(found.rms_with_motors) or found
+    )
+    base: Any = SimpleNamespace(moves=())
+    begun = [two_gaps(0.0, 0.0, rms) for rms in (2.0, 3.0, 1.5, 4.0)]
+    rounds = moves_hidden.FIRST_ROUNDS
+    assert moves_hidden.on_all_moves(base, begun).rms_with_motors == 1.5 - 0.01 * rounds
+    assert led == [1.5, 1.5 - 0.01 * rounds, 2.0, 2.0 - 0.01 * rounds]
 
 
 def test_a_valley_that_describes_samples_and_motors_is_carried_once(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -268,7 +285,7 @@ def test_a_valley_that_describes_samples_and_motors_is_carried_once(monkeypatch:
     monkeypatch.setattr(moves_hidden, "jointly", lambda _begun: two_gaps(0.0, 0.0, 1.0))
     monkeypatch.setattr(moves_hidden, "led_through_rests", lambda found: found)
     base: Any = SimpleNamespace(moves=())
-    assert moves_hidden.on_all_moves(base, two_gaps(0.0, 0.0)).rms_with_motors == 1.0
+    assert moves_hidden.on_all_moves(base, [two_gaps(0.0, 0.0)]).rms_with_motors == 1.0
     assert carried == [0]
 
 
