@@ -158,7 +158,7 @@ def hidden(
         nearest = otherwise_divided(nearest)
         gain = Gain.of(present, nearest)
     tell(f"tried {name}: {gain.together[1]:.3f} with the motors (now {gain.together[0]:.3f})")
-    trial = trial_of(scene, jointly(nearest) if gain.is_of(PART) else nearest)
+    trial = trial_of(scene, nearest)
     judged = judged_by_motors(name, gain, (before, trial), (heard, as_heard_by_motors(trial)), of_all)
     names = (name,) if judged.accepted else ()
     after = trial if judged.accepted else before

@@ -24,8 +24,9 @@ from service.recording import FloatArray
 
 PINION_REST = "pinion_rest"
 """Where a pinion lies between its two gaps, of an effect that has them."""
-LYING = 0.03
-"""Share of its prior's width to which it is known where a pinion lies that a move left, about 1 µm (chosen)."""
+LYING, CLOSELY = 0.03, 0.01
+"""Shares of its prior's width to which it is known where a pinion lies that a move left: about 1 µm while the machine
+is fitted, and 0.3 µm in moves that are held out (chosen)."""
 PINIONS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 """From one of the rests that an effect knows to the next: where a pinion may lie (chosen)."""
 LOADS = (None, 0.0, 0.2, 0.5, 0.8, 1.0)
@@ -42,18 +43,21 @@ def pinions_lie(model: Model) -> bool:
     return any(effect.many_valleys for effect in model.effects)
 
 
-def lying_as_left(moves: Sequence[Moves], model: Model, at: Point) -> tuple[tuple[Moves, ...], Point]:
-    """The moves with every pinion between two gaps lying where the move before left it, known to `LYING` of its prior's
-    width, and the point at which they begin, every load where it lay. The first pinion of a recording lies anywhere."""
+def lying_as_left(
+    moves: Sequence[Moves], model: Model, at: Point, known: float = LYING
+) -> tuple[tuple[Moves, ...], Point]:
+    """The moves with every pinion between two gaps lying where the move before left it, `known` to a share of its
+    prior's width, and the point at which they begin, every load where it lay. The first pinion of a recording lies
+    anywhere."""
     if not pinions_lie(model):
         return tuple(moves), at
     parts, local = [], []
     for part, own in zip(moves, at.local, strict=True):
         shared, moved, width, heard = at.shared[None], own.copy(), np.ones(len(own)), dict(part.heard)
         for (k, p), left in left_lying(part, model, shared, own[None]).items():
-            known = np.isfinite(left[0])
+            there = np.isfinite(left[0])
             now = lying_now(part, model, shared, own[None], k)[0]
-            heard[p.name], width = np.where(known, left[0], now), np.where(known, LYING, 1.0)
+            heard[p.name], width = np.where(there, left[0], now), np.where(there, known, 1.0)
             moved[:, k] = 0.0
             moved[:, 2 * axis_of(model, p)] += (now - heard[p.name]) / REST_SPREAD[0]
         still = Swings(part.loads, width, {}, np.zeros(len(own)))
@@ -67,7 +71,7 @@ def as_left_and_told(found: Fitted, share: float) -> tuple[tuple[Moves, ...], Po
     pinion, where the first `share` of the moves and of their motors' equations of motion says."""
     model, held = found.model, np.zeros(0, dtype=np.int64)
     for turn in range(BY_SAMPLES + BY_MOTORS):
-        moves, at = lying_as_left(found.moves, model, found.at)
+        moves, at = lying_as_left(found.moves, model, found.at, CLOSELY)
         early = tuple(early_part(part, share) for part in moves)
         if turn >= BY_SAMPLES:
             early = motors_asked(early, model, at)
