@@ -15,11 +15,20 @@ from itertools import product
 
 import numpy as np
 
-from service.backlash.moves import REST_SPREAD, Moves, Swings, early_part, misfits, predict, with_motors_asked
+from service.backlash.moves import (
+    REST_SPREAD,
+    TOGETHER,
+    Moves,
+    Swings,
+    early_part,
+    misfits,
+    predict,
+    with_motors_asked,
+)
 from service.backlash.moves_fit import Fitted, Point, at_rest, fit, reconstructed, settle_locally
 from service.dynamics.driven_model import Model
 from service.dynamics.driven_parameters import Parameter
-from service.identification.moves_rests import through_rests
+from service.identification.moves_rests import Rests, through_rests
 from service.recording import FloatArray
 
 PINION_REST = "pinion_rest"
@@ -27,6 +36,8 @@ PINION_REST = "pinion_rest"
 LYING, CLOSELY = 0.03, 0.01
 """Shares of its prior's width to which it is known where a pinion lies that a move left: about 1 µm while the machine
 is fitted, and 0.3 µm in moves that are held out (chosen)."""
+HELD_AFTER = 0.5
+"""Time after a move [s] from which on its pinion lies still, and is moved by the motor only (chosen)."""
 PINIONS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 """From one of the rests that an effect knows to the next: where a pinion may lie (chosen)."""
 LOADS = (None, 0.0, 0.2, 0.5, 0.8, 1.0)
@@ -107,18 +118,28 @@ def left_lying(
 ) -> dict[tuple[int, Parameter], FloatArray]:
     """Where the move before leaves each pinion [m], by a simulation through the rests: (S, T) of each; unknown, NaN, in
     the first of a recording and where a set runs away, in a part of one like the third, which the second leaves."""
-    T, out = len(moves.grids), {}
-    where = pinions(model)
-    rests = through_rests(moves, model, shared, local) if where and T > 1 else None
-    for k, p in where:
-        out[k, p] = np.full((len(shared), T), np.nan)
-        if rests is not None:
-            x = axis_of(model, p)
-            left = rests.states[..., model.load(x) - 2] - rests.motor[..., x, 0]
-            out[k, p][:, 1:] = left
+    where, T, longest = pinions(model), len(moves.grids), moves.h * moves.samples + HELD_AFTER
+    out = {one: np.full((len(shared), T), np.nan) for one in where}
+    sets = range(0, len(shared) if T > 1 else 0, TOGETHER)
+    for some in (slice(k, k + TOGETHER) for k in sets if where):
+        rests = through_rests(moves, model, shared[some], local[some], longest)
+        for k, p in where:
+            left = out[k, p][some]
+            left[:, 1:] = lying_after(moves, model, rests, axis_of(model, p))
             if moves.grids[0].index and T > 2 and moves.s[2] == moves.s[0]:
-                out[k, p][:, 0] = left[:, 1]
+                left[:, 0] = left[:, 2]
     return out
+
+
+def lying_after(moves: Moves, model: Model, rests: Rests, x: int) -> FloatArray:
+    """Where the pinions of an axis lie beside their motor after the rests (S, T − 1) [m]: where they came to rest,
+    while the motor went on as it was measured, as far as it does not take them along."""
+    ended = moves.start[:-1] + rests.lasted
+    motor = moves.plain[x](moves.start[1:]) - moves.plain[x](ended)
+    lies = rests.states[..., model.load(x) - 2] - rests.motor[..., x, 0]
+    half = 0.5 * rests.said.values[f"{model.axes[x]}.clearance"][:, None]
+    moved = np.clip(lies - motor, -np.maximum(half, np.abs(lies)), np.maximum(half, np.abs(lies)))
+    return np.asarray(np.where(rests.lasted < rests.apart - moves.h, moved, lies))
 
 
 def motors_asked(moves: Sequence[Moves], model: Model, at: Point) -> tuple[Moves, ...]:

@@ -88,26 +88,30 @@ class Rests(NamedTuple):
     said : the simulation
     states : (S, T − 1, n), of the chains when the next move begins
     motor : (S, T − 1, X, 2) position and speed of the motors then
-    apart : (T − 1,) time from one move to the next [s]
+    apart, lasted : (T − 1,) time from one move to the next, and how much of it was simulated [s]
     """
 
     said: Course
     states: FloatArray
     motor: FloatArray
     apart: FloatArray
+    lasted: FloatArray
 
 
-def through_rests(moves: Moves, model: Model, shared: FloatArray, local: FloatArray) -> Rests:
-    """All moves but the last of one recording to where the next begins; shared (S, P), local (S, T, L)."""
+def through_rests(
+    moves: Moves, model: Model, shared: FloatArray, local: FloatArray, longest: float = LONGEST
+) -> Rests:
+    """All moves but the last of one recording to where the next begins, or for the `longest` time [s]; shared (S, P),
+    local (S, T, L)."""
     apart = np.diff(moves.start)
-    K = int(np.ceil(min(float(np.max(apart)), LONGEST) / moves.h)) + 1
+    K = int(np.ceil(min(float(np.max(apart)), longest) / moves.h)) + 1
     values = model.complete(model.values(shared))
     skews = np.stack([values[f"{a}.skew"] for a in model.axes], axis=1)
     c = of_motors([moves.plain] * len(moves.grids), moves.start, moves.h, K, skews)
     said = simulated(moves, model, shared, local, c)
     last = np.minimum(np.round(apart / moves.h).astype(int), K - 1)
     each = np.arange(len(apart))
-    return Rests(said, said.states[:, each, last], c[:, each, last][..., :2], apart)
+    return Rests(said, said.states[:, each, last], c[:, each, last][..., :2], apart, moves.h * last)
 
 
 def swings(moves: Moves, model: Model, shared: FloatArray, local: FloatArray, known: float) -> Swings:

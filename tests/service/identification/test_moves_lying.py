@@ -13,6 +13,7 @@ from service.backlash.moves_fit import Fitted, Point, every
 from service.captures import read_capture
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_transmission import DrivenClearance, DrivenPreload
+from service.identification import moves_lying
 from service.identification.moves_lying import (
     LYING,
     as_left_and_told,
@@ -95,6 +96,20 @@ def test_the_move_before_tells_where_a_pinion_lies(machine: Chattering) -> None:
     assert np.max(np.abs(left[0, 1:] - machine.pinion[1:])) < CLOSE
     half = 0.5 * machine.model.numbers(machine.at.shared)["X1.clearance"]
     assert np.max(np.abs(machine.pinion[1:])) < half - CLOSE, "else any end would do"
+
+
+def test_after_a_while_a_pinion_lies_still_and_only_its_motor_moves(
+    machine: Chattering, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However long the rests are, they are simulated for a while only."""
+    lasted = 0.18
+    rests = np.diff(machine.moves.start) - machine.moves.h * machine.moves.samples
+    assert np.min(rests) > lasted + 0.1
+    monkeypatch.setattr(moves_lying, "HELD_AFTER", lasted)
+    (left,) = left_lying(
+        machine.moves, machine.model, machine.at.shared[None], machine.at.local[0][None]
+    ).values()
+    assert np.max(np.abs(left[0, 1:] - machine.pinion[1:])) < CLOSE
 
 
 def test_in_a_part_of_a_recording_the_first_lies_like_the_third(machine: Chattering) -> None:
