@@ -125,10 +125,11 @@ def contradicted(
     hold, what swings is asked for at all frequencies, and taken if they hold with it; then what may be hidden: it has
     its name if the other moves are described with it, too, or if nothing else is found that describes them better, and
     is a hint otherwise. Where they speak `plainly` this is asked for first, and nothing else if all moves and their
-    motors are described with it; nor what swings, if the motors are."""
+    motors are described with it, or nothing is left of those that were fitted and of their motors; nor what swings, if
+    the motors are described."""
     witnessed = as_heard_by_motors(before).validation_rms > 0.0
     first = hidden(scene, before, HIDDEN, len(DRIVEN), tell) if plainly and witnessed else None
-    if first and first.effects and describes_motors(before, first.after):
+    if first and first.effects and (nothing_left(first.after) or describes_motors(before, first.after)):
         return first
     beside = searched(scene, before, tell, LIMITS, but=HIDDEN if witnessed else ())
     if beside.effects and describes_motors(before, beside.after):
@@ -156,6 +157,11 @@ def contradicted(
 def describes_motors(before: Trial[Explained], trial: Trial[Explained]) -> bool:
     """Whether a model describes the moves that were fitted and the others, and what the motors say."""
     return describes_all(trial) and reconciled(before, trial)
+
+
+def nothing_left(trial: Trial[Explained]) -> bool:
+    """Whether nothing but noise is left of the moves that were fitted and of their motors together."""
+    return trial.model.fitted.rms_with_motors < SEARCHED
 
 
 def reconciled(before: Trial[Explained], trial: Trial[Explained]) -> bool:

@@ -28,6 +28,7 @@ def heard(monkeypatch: pytest.MonkeyPatch, left: float = 5.0) -> None:
     """What the motors leave in the held-out moves; 0 where these have no torque. Nothing swings."""
     monkeypatch.setattr(axis_explain, "swinging", lambda *_: {})
     monkeypatch.setattr(axis_explain, "as_heard_by_motors", lambda _before: trial(1.0, left))
+    monkeypatch.setattr(axis_explain, "nothing_left", lambda _trial: False)
 
 
 @pytest.mark.parametrize(
@@ -183,13 +184,22 @@ def test_what_describes_the_motors_too_hides_nothing(
     ("motors", "held_out", "after_by_motors", "names", "beside_asked"),
     [
         (5.0, 1.1, 1.4, ("gearbox_clearance",), False),
+        (5.0, 3.1, 0.9, ("gearbox_clearance",), False),
         (5.0, 1.2, 1.4, ("gearbox_clearance",), True),
         (5.0, 1.1, 2.1, ("gearbox_clearance",), True),
         (5.0, 1.1, 1.6, ("gearbox_clearance",), False),
         (5.0, 1.1, 1.4, (), True),
         (2.7, 1.1, 1.4, ("gearbox_clearance",), True),
     ],
-    ids=["plain", "other moves not", "motors not", "motors nearly", "nothing hidden", "not plain"],
+    ids=[
+        "plain",
+        "nothing left",
+        "other moves not",
+        "motors not",
+        "motors nearly",
+        "nothing hidden",
+        "not plain",
+    ],
 )
 def test_what_the_motors_speak_of_plainly_is_asked_for_first_and_taken_if_it_describes_all(
     monkeypatch: pytest.MonkeyPatch,
@@ -206,6 +216,7 @@ def test_what_the_motors_speak_of_plainly_is_asked_for_first_and_taken_if_it_des
     of_motors = Selection(before, after if names else before, names, (), ())
     heard(monkeypatch)
     monkeypatch.setattr(axis_explain, "left_by_motors", lambda of: np.array([0.5, left[id(of)]]))
+    monkeypatch.setattr(axis_explain, "nothing_left", lambda of: left[id(of)] < 1.0)
     monkeypatch.setattr(axis_explain, "finding_of", lambda _found: ("none", ()))
 
     def searched(*_: Any, **__: Any) -> Selection[Any]:
