@@ -8,7 +8,7 @@ import numpy as np
 
 from service.backlash.moves import Moves
 from service.dynamics.driven_effect import DrivenEffect
-from service.identification.axis_numbers import SPLIT, apart_in_time, clearance_beside
+from service.identification.axis_numbers import apart_in_time, clearance_beside, division_known
 from service.identification.explanation import Finding, SeparatingMove
 from service.identification.held_out import Explained, Held, rms
 from service.identification.moves_motors import CONTRADICTED, left_by_motors
@@ -94,11 +94,11 @@ def evidence_of(
             "and by what the moves that were fitted do not tell of its numbers"
         )
         lines += zeros_found_again(after.fitted.model.effects)
-    both = clearance_beside(selection.after.model.fitted, axis)
+    both, known = (f(selection.after.model.fitted, axis) for f in (clearance_beside, division_known))
     if finding == "effect" and both:
         lines.append(
             f"the two gaps are {1e6 * both:.1f} µm together; how they divide between flanks and gearbox these moves "
-            f"tell to about {1e6 * SPLIT * both:.1f} µm: hold the motor and turn the pinion by hand to measure the "
+            f"tell to about {1e6 * known:.1f} µm: hold the motor and turn the pinion by hand to measure the "
             "gearbox alone"
         )
     apart = apart_in_time(selection.before.model.fitted, axis)

@@ -21,10 +21,12 @@ STRUCTURE = (0.11e-6, 1.2e-3)
 UNTIMELY = 3.0
 """Standard deviations of its prior from which on a clock's offset is none of a measurement whose channels are in time
 (chosen: 90 µs)."""
-SPLIT = 0.03
-"""Standard deviation of how two gaps in series divide what they are together, as a share of that. Chosen: the fit has a
-valley every few micrometres of the split, and the deepest is not always found; on nine machines it was off by up to
-0.04, by 0.02 in the root mean square."""
+SPLIT, UNSURE = 0.03, 0.12
+"""Standard deviation of how two gaps in series divide what they are together, as a share of that, where nothing is left
+of samples and motors, and elsewhere. Chosen: the fit has a valley every few micrometres of the split, and the deepest
+is not always found; on nine machines it was off by up to 0.04, and by 0.12 on one of those with something left."""
+DESCRIBED_ALL = 1.03
+"""RMS of samples and motors together up to which nothing is left of them (chosen)."""
 
 
 def apart_in_time(found: Fitted, axis: int) -> float:
@@ -73,7 +75,7 @@ def backlash_of(found: Fitted, axis: int) -> tuple[float, float]:
             wider, more = widening(found, effect, axis)
             b, gradient = b + wider, gradient + more
     floor, share = STRUCTURE
-    laws = (SPLIT * clearance_beside(found, axis)) ** 2 + (LAW * unseen_depth(found, axis)) ** 2
+    laws = division_known(found, axis) ** 2 + (LAW * unseen_depth(found, axis)) ** 2
     variance = float(gradient @ covariance(found) @ gradient) + laws
     return b, float(np.hypot(np.sqrt(variance), max(1.0, found.rms) * np.hypot(floor, share * b)))
 
@@ -84,6 +86,13 @@ def clearance_beside(found: Fitted, axis: int) -> float:
     if f"{name}.clearance" not in {p.name for p in found.model.parameters}:
         return 0.0
     return found.value(f"{name}.backlash") + found.value(f"{name}.clearance")
+
+
+def division_known(found: Fitted, axis: int) -> float:
+    """Standard deviation of how the backlash and a second gap divide what they are together [m]; 0 where there is
+    none."""
+    sure = len(found.motors) > 0 and found.rms_with_motors < DESCRIBED_ALL
+    return (SPLIT if sure else UNSURE) * clearance_beside(found, axis)
 
 
 def unseen_depth(found: Fitted, axis: int) -> float:

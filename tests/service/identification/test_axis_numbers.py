@@ -11,7 +11,15 @@ from service.backlash.moves_begun import point_at, shared_at
 from service.backlash.moves_fit import Fitted, fit, values_at
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_transmission import DrivenBentContact, DrivenLocalBacklash
-from service.identification.axis_numbers import apart_in_time, backlash_of, clearance_beside, unseen_depth
+from service.identification.axis_numbers import (
+    SPLIT,
+    UNSURE,
+    apart_in_time,
+    backlash_of,
+    clearance_beside,
+    division_known,
+    unseen_depth,
+)
 from tests.service.identification.with_a_clearance import with_a_clearance
 
 
@@ -23,7 +31,11 @@ def test_how_two_gaps_divide_their_sum_is_in_the_interval_of_the_backlash(found:
     assert b == pytest.approx(0.6 * whole)
     assert clearance_beside(both, 0) == pytest.approx(whole)
     assert clearance_beside(found, 0) == 0.0
-    assert std > 0.03 * whole > 2.0 * backlash_of(found, 0)[1]
+    assert std > UNSURE * whole > 5.0 * backlash_of(found, 0)[1], "no motor was asked"
+    for left, share in ((0.99, SPLIT), (1.5, UNSURE)):
+        told = replace(both, r=np.full(10, left), motors=np.full(10, left))
+        assert division_known(told, 0) == pytest.approx(share * whole)
+    assert division_known(found, 0) == 0.0
 
 
 def test_where_a_bent_flank_begins_to_push_is_in_the_interval_of_the_backlash(found: Fitted) -> None:
