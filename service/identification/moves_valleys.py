@@ -101,7 +101,8 @@ def about(
     rng: np.random.Generator,
 ) -> list[tuple[float, Point]]:
     """Sets about these values as they are simulated, the best first: their RMS and where a fit begins by them, every
-    move in that of the effect's rests in which it is described best. `own` (T, L) are the moves' other coordinates."""
+    move in that of the effect's rests, or as the move before leaves it, in which it is described best. `own` (T, L) are
+    the moves' other coordinates, and `where` (T, X) the loads lay beside their motors in the fit before [m]."""
     narrow, broad = np.log(widths)
     wide = np.exp(rng.uniform(narrow, broad, sets))
     varied = [values, *(candidate.effect.varied(values, w, rng) for w in wide[1:])]
