@@ -52,7 +52,8 @@ TOGETHER = 24
 
 @dataclass(frozen=True)
 class Swings:
-    """What the moves leave swinging, by the name of an effect's coordinate of a move.
+    """What the moves leave to those after them, by the name of an effect's coordinate of a move: what swings, and how
+    well it is known what is `heard`.
 
     Attributes
     ----------
@@ -114,7 +115,7 @@ class Moves:
     judged : the same by which models are compared, where they are fitted by another; none where by this one
     swings : what still swings at the beginning of each move, if the move before left it; none: not known
     heard : the same as the sensor heard it in the rest before, where nothing else is known: (T,) each, by the name of
-        an effect's coordinate of a move, in its unit
+        an effect's coordinate of a move, in its unit; and where the move before left a pinion between two gaps
     wander, white : how what is expected divides, and whether residuals are whitened by it
     lasting : how long residuals of acceleration are summed up to those of speed [s]; 0: they are compared themselves
     apart : how far a gantry's motors may be apart beyond their positions, over the prior's width

@@ -16,7 +16,7 @@ from service.identification.given_effects import LEFT, as_accepted, names_of, wi
 from service.identification.held_out import DESCRIBED, SEARCHED, Explained, trial_of
 from service.identification.moves_end import declared_end, ended
 from service.identification.moves_hidden import as_heard_by_motors, hidden, swinging
-from service.identification.moves_motors import CONTRADICTED, PLAINLY, left_by_motors
+from service.identification.moves_motors import CONTRADICTED, PLAINLY, left_by_motors, nothing_left
 from service.identification.moves_search import challenged, describes_all, propose, without
 from service.identification.moves_starts import TOO_MUCH
 from service.identification.scene import Scene, declared_fits, scene_of
@@ -129,7 +129,11 @@ def contradicted(
     the motors are described."""
     witnessed = as_heard_by_motors(before).validation_rms > 0.0
     first = hidden(scene, before, HIDDEN, len(DRIVEN), tell) if plainly and witnessed else None
-    if first and first.effects and (nothing_left(first.after) or describes_motors(before, first.after)):
+    if (
+        first
+        and first.effects
+        and (nothing_left(first.after.model.fitted) or describes_motors(before, first.after))
+    ):
         return first
     beside = searched(scene, before, tell, LIMITS, but=HIDDEN if witnessed else ())
     if beside.effects and describes_motors(before, beside.after):
@@ -157,11 +161,6 @@ def contradicted(
 def describes_motors(before: Trial[Explained], trial: Trial[Explained]) -> bool:
     """Whether a model describes the moves that were fitted and the others, and what the motors say."""
     return describes_all(trial) and reconciled(before, trial)
-
-
-def nothing_left(trial: Trial[Explained]) -> bool:
-    """Whether nothing but noise is left of the moves that were fitted and of their motors together."""
-    return trial.model.fitted.rms_with_motors < SEARCHED
 
 
 def reconciled(before: Trial[Explained], trial: Trial[Explained]) -> bool:

@@ -8,6 +8,7 @@ import numpy as np
 
 from service.backlash.moves_fit import Fitted
 from service.dynamics.effects.driven_transmission import TYPICAL_PUSH, DrivenLocalBacklash
+from service.identification.moves_motors import nothing_left
 from service.recording import FloatArray
 
 LAW = 0.5
@@ -24,9 +25,7 @@ UNTIMELY = 3.0
 SPLIT, UNSURE = 0.03, 0.12
 """Standard deviation of how two gaps in series divide what they are together, as a share of that, where nothing is left
 of samples and motors, and elsewhere. Chosen: the fit has a valley every few micrometres of the split, and the deepest
-is not always found; on nine machines it was off by up to 0.04, and by 0.12 on one of those with something left."""
-DESCRIBED_ALL = 1.03
-"""RMS of samples and motors together up to which nothing is left of them (chosen)."""
+is not always found; of nine machines eight were off by up to 0.04 and one, with something left, by 0.12."""
 
 
 def apart_in_time(found: Fitted, axis: int) -> float:
@@ -91,8 +90,7 @@ def clearance_beside(found: Fitted, axis: int) -> float:
 def division_known(found: Fitted, axis: int) -> float:
     """Standard deviation of how the backlash and a second gap divide what they are together [m]; 0 where there is
     none."""
-    sure = len(found.motors) > 0 and found.rms_with_motors < DESCRIBED_ALL
-    return (SPLIT if sure else UNSURE) * clearance_beside(found, axis)
+    return (SPLIT if nothing_left(found) else UNSURE) * clearance_beside(found, axis)
 
 
 def unseen_depth(found: Fitted, axis: int) -> float:

@@ -31,13 +31,7 @@ from service.backlash.moves_fit import (
 )
 from service.dynamics.driven_model import LINKS, Model
 from service.identification.moves_lying import as_left_and_told, pinions_lie
-from service.identification.moves_rests import (
-    KNOWN,
-    WORSE,
-    how_known,
-    swinging_on,
-    swings_at_all,
-)
+from service.identification.moves_rests import KNOWN, WORSE, how_known, swinging_on, swings_at_all
 from service.identification.scene import Scene
 from service.identification.selection import Trial, independent_samples, shown
 from service.recording import FloatArray

@@ -21,11 +21,11 @@ from service.backlash.moves_fit import Fitted, fit, reconstructed, values_at
 from service.dynamics.driven_model import DrivenEffect
 from service.identification.explanation import Candidate
 from service.identification.given_effects import LEFT
-from service.identification.held_out import DESCRIBED, SEARCHED, Explained, trial_of
+from service.identification.held_out import DESCRIBED, Explained, trial_of
 from service.identification.moves_end import RIDGE, settled
 from service.identification.moves_looks import VALLEYS, noted
 from service.identification.moves_lying import lying_as_left, pinions_lie
-from service.identification.moves_motors import CONTRADICTED, of_moves
+from service.identification.moves_motors import CONTRADICTED, nothing_left, of_moves
 from service.identification.moves_ridges import at_all_frequencies, put_back
 from service.identification.moves_search import AGAINST, FIRST_ROUNDS, carried
 from service.identification.moves_starts import (
@@ -187,7 +187,7 @@ def on_all_moves(base: Fitted, begun: Sequence[Fitted]) -> Fitted:
     for now, one in sorted(at_once, key=lambda pair: pair[0].rms_with_motors)[:LED]:
         for rounds in (0, FIRST_ROUNDS):
             out.append(led_through_rests(carried_on(one, rounds) if rounds else now))
-            if out[-1].rms_with_motors < SEARCHED:
+            if nothing_left(out[-1]):
                 return out[-1]
     return min(out, key=lambda f: f.rms_with_motors)
 

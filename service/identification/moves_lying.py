@@ -51,7 +51,7 @@ too, and the rounds of a fit in each (chosen)."""
 
 def pinions_lie(model: Model) -> bool:
     """Whether a pinion may lie anywhere between two gaps when a move begins."""
-    return any(effect.many_valleys for effect in model.effects)
+    return bool(pinions(model))
 
 
 def lying_as_left(

@@ -9,6 +9,7 @@ import numpy as np
 from service.backlash.motor_rows import OWN, MotorRows
 from service.backlash.moves import predict
 from service.backlash.moves_fit import Fitted, reconstructed
+from service.identification.held_out import SEARCHED
 from service.recording import FloatArray
 
 CONTRADICTED = 1.5
@@ -24,6 +25,11 @@ a hundred of a turn, and a speed that is sampled each millisecond hardly shows s
 OFTENEST = 500.0
 """How often at most it is looked for within the span of the moves, so that those all along a rack take no longer
 (chosen)."""
+
+
+def nothing_left(found: Fitted) -> bool:
+    """Whether nothing but noise is left of the samples and, together with them, of the motors that were asked."""
+    return len(found.motors) > 0 and found.rms_with_motors < SEARCHED
 
 
 def left_by_motors(found: Fitted) -> FloatArray:

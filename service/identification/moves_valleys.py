@@ -73,12 +73,11 @@ def valleys(scene: Scene, found: Fitted, candidate: Candidate) -> list[Fitted]:
     if not alive or alive[0].rms_with_motors > PROMISING * present.rms_with_motors:
         return alive[:1]
     for _ in range(GENERATIONS):
-        children = [
-            about(
-                few, candidate, values_at(one), one.at.local[0], places(few[0], one), CHILDREN, WIDTHS, rng
-            )[:KEPT]
-            for one in alive
-        ]
+        children = []
+        for one in alive:
+            own = one.at.local[0]
+            where = places_of_loads(few[0], one.model, one.at.shared, own)
+            children.append(about(few, candidate, values_at(one), own, where, CHILDREN, WIDTHS, rng)[:KEPT])
         alive = survivors([*alive, *fitted_best(few, candidate, children, POPULATION)], candidate)
     return alive
 
@@ -135,13 +134,8 @@ def as_left(few: Moves, model: Model, shared: FloatArray, local: FloatArray, whe
     return out
 
 
-def places(few: Moves, found: Fitted) -> FloatArray:
-    """Where the loads of a fit lie when its moves begin, beside their motors [m]: (T, X)."""
-    return places_of_loads(few, found.model, found.at.shared, found.at.local[0])
-
-
 def places_of_loads(few: Moves, model: Model, shared: FloatArray, own: FloatArray) -> FloatArray:
-    """The same of coordinates (P,) and (T, L)."""
+    """Where the loads lie when moves begin, beside their motors [m], by coordinates (P,) and (T, L): (T, X)."""
     values, out = model.numbers(shared), np.empty((len(own), len(model.axes)))
     for x, axis in enumerate(model.axes):
         out[:, x] = REST_SPREAD[0] * own[:, 2 * x] - 0.5 * few.s * values[f"{axis}.backlash"]

@@ -28,7 +28,7 @@ def heard(monkeypatch: pytest.MonkeyPatch, left: float = 5.0) -> None:
     """What the motors leave in the held-out moves; 0 where these have no torque. Nothing swings."""
     monkeypatch.setattr(axis_explain, "swinging", lambda *_: {})
     monkeypatch.setattr(axis_explain, "as_heard_by_motors", lambda _before: trial(1.0, left))
-    monkeypatch.setattr(axis_explain, "nothing_left", lambda _trial: False)
+    monkeypatch.setattr(axis_explain, "nothing_left", lambda _found: False)
 
 
 @pytest.mark.parametrize(

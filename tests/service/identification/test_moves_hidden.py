@@ -335,7 +335,7 @@ def two_gaps(backlash: float, clearance: float, rms: float = 2.0, contact: float
         "X1.contact_damping_ratio": 3.1,
     }
     model = SimpleNamespace(axes=("X1",), lumps=2)
-    return SimpleNamespace(values=values, model=model, rms_with_motors=rms)
+    return SimpleNamespace(values=values, model=model, rms_with_motors=rms, motors=np.ones(3))
 
 
 @pytest.mark.parametrize(("contact", "chains"), [(1e6, 1), (5e6, 2)])

@@ -26,7 +26,7 @@ from service.identification.moves_lying import (
     pinions,
     pinions_lie,
 )
-from service.identification.moves_valleys import as_anywhere, as_left, places
+from service.identification.moves_valleys import as_anywhere, as_left, places_of_loads
 from service.recording import FloatArray
 from tests.undeclared import capture
 from tests.undeclared.generate import Campaign, cases, channels, simulate_batch
@@ -39,13 +39,12 @@ CLOSE = 1.5e-6
 @dataclass(frozen=True)
 class Chattering:
     """A machine with two gaps, simulated by other code: its moves, the model with its numbers, where its pinion lay
-    when each move began, beside the motor [m], and where its load lay (T,)."""
+    when each move began, beside the motor [m]: (T,)."""
 
     moves: Moves
     model: Model
     at: Point
     pinion: FloatArray
-    load: FloatArray
 
 
 @pytest.fixture(scope="module")
@@ -60,11 +59,9 @@ def machine(tmp_path_factory: pytest.TempPathFactory) -> Chattering:
     model = Model(("X1",), 2, (DrivenClearance(("X1",)),), "whole_move", ("constant", "skew"), bridge=False)
     ticks = np.round(moves.start / TICK).astype(int)
     motor = traces.motor_position[ticks, 0]
-    load = traces.load_position[ticks, 0] - motor
-    pinion = traces.flank[ticks, 0] + load
-    middle = m["backlash"] * (0.5 - m["flank"])
+    pinion = traces.flank[ticks, 0] + traces.load_position[ticks, 0] - motor
     at = point_at(model, planted(m), [moves])
-    return Chattering(moves, model, at, pinion, load + middle)
+    return Chattering(moves, model, at, pinion)
 
 
 def planted(m: dict[str, float]) -> dict[str, float]:
@@ -164,8 +161,8 @@ def test_sets_begin_with_their_own_pinions_and_the_loads_of_the_fit_before(machi
     names = [p.name for p in machine.model.parameters]
     shared[1, names.index("X1.backlash")] -= 0.1
     local = np.stack([machine.at.local[0]] * 2)
-    found = Fitted(machine.model, (machine.moves,), machine.at, np.zeros(10), every(machine.model))
-    sets = as_left(machine.moves, machine.model, shared, local, places(machine.moves, found))
+    where = places_of_loads(machine.moves, machine.model, machine.at.shared, machine.at.local[0])
+    sets = as_left(machine.moves, machine.model, shared, local, where)
     before = loads_of(machine.moves, machine.model, machine.at)
     for one, own in zip(shared, sets, strict=True):
         assert loads_of(machine.moves, machine.model, Point(one, (own,))) == pytest.approx(before, abs=1e-12)
