@@ -97,8 +97,9 @@ def missing_in(
     scene: Scene, before: Trial[Explained], accepted: Sequence[str], tell: Callable[[str], None]
 ) -> Selection[Explained]:
     """What is missing in the model that is declared, or that was accepted. A zero that is seen to wander at rest is
-    asked for first, and the motors where their equations of motion do not hold. Where no torque was recorded and only
-    numbers may do it that are not known, nothing is asked for but what may be hidden. What accepted effects leave is
+    asked for first, and the motors where their equations of motion do not hold; where they hold, nothing is hidden
+    between motor and load. Where no torque was recorded and only numbers may do it that are not known, nothing is asked
+    for but what may be hidden. What accepted effects leave is
     the next one's only where it is more than a law leaves that differs a little from the machine's, as after a first
     effect."""
     if scene.zero_wanders and DrivenBias.name not in accepted:
@@ -115,7 +116,7 @@ def missing_in(
         return contradicted(scene, before, by_motors > PLAINLY * before.train_rms, tell)
     if shown(before) <= SEARCHED and before.validation_rms > DESCRIBED and not by_motors:
         return searched(scene, before, tell, OF_HIDDEN, first=HIDDEN)
-    return searched(scene, before, tell, LIMITS)
+    return searched(scene, before, tell, LIMITS, but=HIDDEN if 0.0 < by_motors <= CONTRADICTED else ())
 
 
 def contradicted(

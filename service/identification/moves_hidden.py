@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from service.backlash.moves_begun import Values
-from service.backlash.moves_fit import Fitted, fit, reconstructed, values_at
+from service.backlash.moves_fit import Fitted, Point, fit, reconstructed, values_at
 from service.dynamics.driven_model import DrivenEffect
 from service.identification.explanation import Candidate
 from service.identification.given_effects import LEFT
@@ -26,7 +26,7 @@ from service.identification.moves_end import RIDGE, settled
 from service.identification.moves_looks import VALLEYS, noted
 from service.identification.moves_lying import lying_as_left, pinions_lie
 from service.identification.moves_motors import CONTRADICTED, nothing_left, of_moves
-from service.identification.moves_ridges import at_all_frequencies, put_back
+from service.identification.moves_ridges import NEARER, at_all_frequencies, put_back
 from service.identification.moves_search import AGAINST, FIRST_ROUNDS, carried
 from service.identification.moves_starts import (
     BRIEF,
@@ -99,13 +99,17 @@ def led_through_rests(found: Fitted) -> Fitted:
 def otherwise_divided(found: Fitted) -> Fitted:
     """The fit, or the nearest that begins with its play otherwise divided between the two gaps, by samples and motors
     together, then from near by, as long as that is nearer and more than noise is left: a few moves choose where all are
-    fitted. All play from end to end is tried however near the fit is: what the noise is put at may be too much."""
+    fitted, and choose none that comes no nearer to them and leaves more than unknown numbers do. All play from end to
+    end is tried however near the fit is: what the noise is put at may be too much."""
     for turn in range(DIVIDED):
         if turn and found.rms_with_motors < 1.0:
             break
         few, own = asked(found), (own_of_few(found),)
         begun = (begun_at(few, found.model, values, own) for values in divisions(found, near_by=turn > 0))
         best = sorted((fit(few, found.model, at, BRIEF) for at in begun), key=lambda f: f.rms_with_motors)
+        present = fit(few, found.model, Point(found.at.shared, own), BRIEF).rms_with_motors
+        if present > UNKNOWN_NUMBERS and best[0].rms_with_motors > NEARER * present:
+            break
         starts = (fitted_from(found, values_at(one), 0) for one in best[:FOLLOWED])
         before, near = found, sorted(map(jointly, starts), key=lambda f: f.rms_with_motors)
         led = (

@@ -9,6 +9,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from service.backlash.moves_fit import Point
 from service.identification import moves_hidden
 from service.identification.axis_explain import HIDDEN
 from service.identification.moves_hidden import (
@@ -335,7 +336,8 @@ def two_gaps(backlash: float, clearance: float, rms: float = 2.0, contact: float
         "X1.contact_damping_ratio": 3.1,
     }
     model = SimpleNamespace(axes=("X1",), lumps=2)
-    return SimpleNamespace(values=values, model=model, rms_with_motors=rms, motors=np.ones(3))
+    at = SimpleNamespace(shared=np.zeros(len(values)))
+    return SimpleNamespace(values=values, model=model, at=at, rms_with_motors=rms, motors=np.ones(3))
 
 
 @pytest.mark.parametrize(("contact", "chains"), [(1e6, 1), (5e6, 2)])
@@ -354,12 +356,12 @@ def test_all_play_is_divided_from_end_to_end_and_then_near_by(
     assert {"X1.contact_damping_ratio" in one for one in begun} == {near_by}, "the wrong division's corner"
 
 
-@pytest.mark.parametrize(("rms", "turns"), [(2.0, 2), (0.99, 1)])
+@pytest.mark.parametrize(("rms", "turns"), [(2.0, 2), (1.25, 1), (0.99, 1)])
 def test_play_is_divided_otherwise_as_long_as_that_is_nearer(
     monkeypatch: pytest.MonkeyPatch, rms: float, turns: int
 ) -> None:
     """The few moves choose three starts, all moves and their motors one of these; the second time near by,
-    if more than noise is left."""
+    if that was nearer and more than noise is left."""
     asked_for: list[bool] = []
 
     def begun(_found: Any, near_by: bool) -> list[float]:
@@ -370,7 +372,7 @@ def test_play_is_divided_otherwise_as_long_as_that_is_nearer(
     monkeypatch.setattr(moves_hidden, "asked", lambda _found: ())
     monkeypatch.setattr(moves_hidden, "own_of_few", lambda _found: ())
     monkeypatch.setattr(moves_hidden, "begun_at", lambda _few, _model, values, _own: values)
-    monkeypatch.setattr(moves_hidden, "fit", lambda _few, _model, at, _rounds: two_gaps(0.0, 0.0, at))
+    monkeypatch.setattr(moves_hidden, "fit", fitted_as(rms))
     monkeypatch.setattr(moves_hidden, "values_at", lambda found: found.rms_with_motors)
     carried: list[float] = []
     monkeypatch.setattr(
@@ -386,6 +388,40 @@ def test_play_is_divided_otherwise_as_long_as_that_is_nearer(
     assert asked_for == [False, True][:turns]
     assert carried == [1.2, 1.3, 1.7] * turns
     assert led == [1.5, 1.6] * turns, "what is far behind the nearest goes nowhere"
+
+
+def fitted_as(present: float) -> Any:
+    """A fit of a few moves that leaves what it is begun with, the present one as much of them."""
+
+    def fit(_few: Any, _model: Any, at: Any, _rounds: int) -> Any:
+        return two_gaps(0.0, 0.0, present if isinstance(at, Point) else at)
+
+    return fit
+
+
+@pytest.mark.parametrize(
+    ("present", "otherwise", "followed"),
+    [(3.3, 3.29, False), (3.3, 3.4, False), (3.3, 1.7, True), (1.25, 1.27, True)],
+)
+def test_a_division_is_followed_only_if_it_comes_nearer_to_few_moves_or_these_are_nearly_described(
+    monkeypatch: pytest.MonkeyPatch, present: float, otherwise: float, followed: bool
+) -> None:
+    """A sensor that is bent is described by no two gaps, however their play is divided."""
+    monkeypatch.setattr(moves_hidden, "divisions", lambda _found, near_by: [otherwise])
+    monkeypatch.setattr(moves_hidden, "asked", lambda _found: ())
+    monkeypatch.setattr(moves_hidden, "own_of_few", lambda _found: ())
+    monkeypatch.setattr(moves_hidden, "begun_at", lambda _few, _model, values, _own: values)
+    monkeypatch.setattr(moves_hidden, "fit", fitted_as(present))
+    monkeypatch.setattr(moves_hidden, "values_at", lambda found: found.rms_with_motors)
+    carried: list[float] = []
+    monkeypatch.setattr(
+        moves_hidden, "fitted_from", lambda found, values, _rounds: carried.append(values) or found
+    )
+    monkeypatch.setattr(moves_hidden, "jointly", lambda begun: begun)
+    monkeypatch.setattr(moves_hidden, "led_through_rests", lambda found: found)
+    found = two_gaps(0.0, 0.0, 3.4)
+    assert otherwise_divided(found) is found
+    assert carried == [otherwise] * followed
 
 
 def test_the_held_out_motors_are_those_of_the_moves_as_they_were_predicted(found: Any) -> None:
