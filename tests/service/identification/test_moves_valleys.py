@@ -10,7 +10,7 @@ import pytest
 
 from service.dynamics.effects.driven_library import DRIVEN
 from service.identification import moves_valleys
-from service.identification.moves_valleys import APART, POPULATION, by_rests, fitted_best, survivors
+from service.identification.moves_valleys import APART, POPULATION, by_rests, fitted_best, survivors, valleys
 
 CLEARANCE = DRIVEN["gearbox_clearance"](("X1",))
 VALUES = {
@@ -81,3 +81,41 @@ def test_two_gaps_divide_anew_and_keep_their_sum() -> None:
 def test_an_effect_with_one_valley_is_not_varied() -> None:
     effect = DRIVEN["constant_force"](("X1",))
     assert effect.varied(VALUES, 1.0, np.random.default_rng(0)) == VALUES
+
+
+@pytest.mark.parametrize(
+    ("present", "nearest", "varied"),
+    [
+        (4.0, (3.8, 1.2), 0),  # takes a tenth of what shows: another effect is met halfway
+        (4.0, (2.0, 1.99), 1),  # gains nothing more
+        (4.0, (2.0, 1.5, 1.49), 2),
+        (4.0, (2.0, 1.5, 1.4, 1.3, 1.2), 3),
+        (1.0, (0.99,), 0),  # chance
+        (1.0, (0.95, 0.95), 1),
+    ],
+)
+def test_what_came_nearest_is_varied_while_it_promises_and_gains(
+    monkeypatch: pytest.MonkeyPatch, present: float, nearest: tuple[float, ...], varied: int
+) -> None:
+    left = iter(nearest)
+    monkeypatch.setattr(moves_valleys, "asked", lambda _found: ((),))
+    for name in ("own_of_few", "on_a_few_moves", "values_at"):
+        monkeypatch.setattr(moves_valleys, name, lambda _found: SimpleNamespace(at=0.0))
+    monkeypatch.setattr(moves_valleys, "widened", lambda local, _model: local)
+    monkeypatch.setattr(moves_valleys, "places_of_loads", lambda *_: 0.0)
+    monkeypatch.setattr(moves_valleys, "everywhere", lambda *_: [0.0])
+    monkeypatch.setattr(moves_valleys, "about", lambda *_: [])
+    monkeypatch.setattr(moves_valleys, "fit", lambda *_: SimpleNamespace(rms_with_motors=present))
+
+    def fitted(*_: Any) -> list[Any]:
+        return [
+            SimpleNamespace(rms_with_motors=next(left), model="", at=SimpleNamespace(shared=0, local=[0]))
+        ]
+
+    monkeypatch.setattr(moves_valleys, "fitted_best", fitted)
+    monkeypatch.setattr(
+        moves_valleys, "survivors", lambda fits, _candidate: sorted(fits, key=lambda f: f.rms_with_motors)
+    )
+    found: Any = SimpleNamespace(model="", at=SimpleNamespace(shared=0))
+    alive = valleys(cast(Any, None), found, cast(Any, SimpleNamespace(model="")))
+    assert [f.rms_with_motors for f in alive] == sorted(nearest[: varied + 1])
