@@ -180,8 +180,8 @@ def promising(scene: Scene, base: Fitted, candidate: DrivenCandidate) -> list[Fi
 
 def on_all_moves(base: Fitted, begun: Sequence[Fitted]) -> Fitted:
     """The nearest to all moves and their motors of what was fitted to a few: at once, for the samples alone may lead
-    out of a valley that both have found, and of the nearest `LED` after some rounds to the samples, too, until one
-    describes all."""
+    out of a valley that both have found, and of the nearest `LED` through their rests, or where no pinion lies, after
+    some rounds to the samples, too, until one describes all."""
 
     def carried_on(one: Fitted, rounds: int) -> Fitted:
         return jointly(carried(base, noted(one, base.moves), rounds))
@@ -189,7 +189,7 @@ def on_all_moves(base: Fitted, begun: Sequence[Fitted]) -> Fitted:
     at_once = [(carried_on(one, 0), one) for one in begun]
     out = list[Fitted]()
     for now, one in sorted(at_once, key=lambda pair: pair[0].rms_with_motors)[:LED]:
-        for rounds in (0, FIRST_ROUNDS):
+        for rounds in (0,) if pinions_lie(now.model) else (0, FIRST_ROUNDS):
             out.append(led_through_rests(carried_on(one, rounds) if rounds else now))
             if nothing_left(out[-1]):
                 return out[-1]
