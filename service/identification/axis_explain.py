@@ -99,9 +99,8 @@ def missing_in(
     """What is missing in the model that is declared, or that was accepted. A zero that is seen to wander at rest is
     asked for first, and the motors where their equations of motion do not hold; where they hold, nothing is hidden
     between motor and load. Where no torque was recorded and only numbers may do it that are not known, nothing is asked
-    for but what may be hidden. What accepted effects leave is
-    the next one's only where it is more than a law leaves that differs a little from the machine's, as after a first
-    effect."""
+    for but what may be hidden. What accepted effects leave is the next one's only where it is more than a law leaves
+    that differs a little from the machine's, as after a first effect."""
     if scene.zero_wanders and DrivenBias.name not in accepted:
         tell("the accelerometer's zero wanders while the axis rests")
         found = searched(scene, before, tell, LIMITS, first=(DrivenBias,))
