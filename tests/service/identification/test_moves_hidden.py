@@ -374,11 +374,7 @@ def test_play_is_divided_otherwise_as_long_as_that_is_nearer(
         return [1.9, 1.3, 1.7, 1.2]
 
     monkeypatch.setattr(moves_hidden, "divisions", begun)
-    monkeypatch.setattr(moves_hidden, "asked", lambda _found: ())
-    monkeypatch.setattr(moves_hidden, "own_of_few", lambda _found: ())
-    monkeypatch.setattr(moves_hidden, "begun_at", lambda _few, _model, values, _own: values)
-    monkeypatch.setattr(moves_hidden, "fit", fitted_as(rms))
-    monkeypatch.setattr(moves_hidden, "values_at", lambda found: found.rms_with_motors)
+    with_few_moves(monkeypatch, rms)
     carried: list[float] = []
     monkeypatch.setattr(
         moves_hidden, "fitted_from", lambda _found, values, _rounds: carried.append(values) or values
@@ -395,13 +391,17 @@ def test_play_is_divided_otherwise_as_long_as_that_is_nearer(
     assert led == [1.5, 1.6] * turns, "what is far behind the nearest goes nowhere"
 
 
-def fitted_as(present: float) -> Any:
-    """A fit of a few moves that leaves what it is begun with, the present one as much of them."""
+def with_few_moves(monkeypatch: pytest.MonkeyPatch, present: float) -> None:
+    """Fits of a few moves leave what they are begun with, the present one as much of them."""
 
     def fit(_few: Any, _model: Any, at: Any, _rounds: int) -> Any:
         return two_gaps(0.0, 0.0, present if isinstance(at, Point) else at)
 
-    return fit
+    monkeypatch.setattr(moves_hidden, "asked", lambda _found: ())
+    monkeypatch.setattr(moves_hidden, "own_of_few", lambda _found: ())
+    monkeypatch.setattr(moves_hidden, "begun_at", lambda _few, _model, values, _own: values)
+    monkeypatch.setattr(moves_hidden, "fit", fit)
+    monkeypatch.setattr(moves_hidden, "values_at", lambda found: found.rms_with_motors)
 
 
 @pytest.mark.parametrize(
@@ -413,11 +413,7 @@ def test_a_division_is_followed_only_if_it_comes_nearer_to_few_moves_or_these_ar
 ) -> None:
     """A sensor that is bent is described by no two gaps, however their play is divided."""
     monkeypatch.setattr(moves_hidden, "divisions", lambda _found, near_by: [otherwise])
-    monkeypatch.setattr(moves_hidden, "asked", lambda _found: ())
-    monkeypatch.setattr(moves_hidden, "own_of_few", lambda _found: ())
-    monkeypatch.setattr(moves_hidden, "begun_at", lambda _few, _model, values, _own: values)
-    monkeypatch.setattr(moves_hidden, "fit", fitted_as(present))
-    monkeypatch.setattr(moves_hidden, "values_at", lambda found: found.rms_with_motors)
+    with_few_moves(monkeypatch, present)
     carried: list[float] = []
     monkeypatch.setattr(
         moves_hidden, "fitted_from", lambda found, values, _rounds: carried.append(values) or found
