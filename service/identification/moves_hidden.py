@@ -34,13 +34,12 @@ from service.identification.moves_starts import (
     begun_at,
     candidates,
     fitted_from,
-    on_a_few_moves,
     own_of_few,
     softer_contact,
     unanswering,
 )
 from service.identification.moves_starts import Candidate as DrivenCandidate
-from service.identification.moves_valleys import asked, valleys
+from service.identification.moves_valleys import asked, left_at_present, valleys
 from service.identification.scene import Scene
 from service.identification.selection import (
     LEVEL,
@@ -173,7 +172,7 @@ def hidden(
 def promising(scene: Scene, base: Fitted, candidate: DrivenCandidate) -> list[Fitted]:
     """The fits of a few moves in the candidate's best valleys, of those that take `OF_FEW` of what the present model
     leaves of these moves and their motors."""
-    present = fit(asked(base), base.model, on_a_few_moves(base).at, BRIEF).rms_with_motors
+    present = left_at_present(asked(base), base)
     found = [one for one in valleys(scene, base, candidate) if gone(present, one.rms_with_motors, OF_FEW)]
     return found[:VALLEYS]
 
@@ -204,7 +203,7 @@ def swinging(
     holds it back the motors feel. Of those that take `PART` of what a few moves and their motors show, by name."""
     base, out = before.model.fitted, dict[str, Trial[Explained]]()
     few = asked(base)
-    present = fit(few, base.model, on_a_few_moves(base).at, BRIEF).rms_with_motors
+    present = left_at_present(few, base)
     for candidate in candidates(base.model, kinds, ()):
         fits = at_all_frequencies(few, candidate.model, put_back(base))
         best = min(fits, key=lambda f: f.rms_with_motors)

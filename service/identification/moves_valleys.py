@@ -53,7 +53,7 @@ APART = 0.1
 PROMISING, TAKEN = 0.98, 0.3
 """How much nearer to a few moves than the present fit one of the first fits must come for the others to be followed
 (chosen: of a few moves' RMS two parts in a hundred are chance), and which share of what shows there it must take
-(chosen: two gaps took 0.45 to 0.98 in the first fits, and a fifth where nothing came of the others)."""
+(chosen: two gaps take about half of it or more; where the first fits take a fifth, the others took no more)."""
 GAINS = 0.99
 """RMS, over that of the best before, from which on a generation gains nothing any more (chosen)."""
 TURNS = 3
@@ -73,7 +73,7 @@ def valleys(scene: Scene, found: Fitted, candidate: Candidate) -> list[Fitted]:
         for values in everywhere(scene, found, candidate)
     ]
     alive = survivors(fitted_best(few, candidate, begun, FITTED), candidate)
-    present = fit(few, found.model, on_a_few_moves(found).at, BRIEF).rms_with_motors
+    present = left_at_present(few, found)
     if not (alive and worth_following(present, alive[0].rms_with_motors)):
         return alive[:1]
     for _ in range(GENERATIONS):
@@ -99,6 +99,11 @@ def asked(found: Fitted) -> tuple[Moves, ...]:
     lies between them before it meets the load."""
     at = Point(found.at.shared, (own_of_few(found),))
     return motors_asked(fewer(found), found.model, at)
+
+
+def left_at_present(few: Sequence[Moves], found: Fitted) -> float:
+    """RMS that the model of a fit leaves of a few of its moves and their motors, fitted to these."""
+    return fit(few, found.model, on_a_few_moves(found).at, BRIEF).rms_with_motors
 
 
 def about(

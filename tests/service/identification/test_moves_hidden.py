@@ -209,7 +209,7 @@ def test_what_swings_is_fitted_to_all_moves_if_half_of_what_is_left_is_gone_with
     fitted: list[float] = []
 
     def fit(_few: Any, model: str, *_: Any) -> Any:
-        return two_gaps(0.0, 0.0, best.get(model, 2.6))
+        return two_gaps(0.0, 0.0, best[model])
 
     def at_all(_few: Any, model: str, _machine: Any) -> list[Any]:
         one = two_gaps(0.0, 0.0, 1.1 * best[model])
@@ -218,7 +218,7 @@ def test_what_swings_is_fitted_to_all_moves_if_half_of_what_is_left_is_gone_with
 
     kinds = [SimpleNamespace(name=name, model=name) for name in best]
     monkeypatch.setattr(moves_hidden, "asked", lambda _found: ())
-    monkeypatch.setattr(moves_hidden, "on_a_few_moves", lambda found: found)
+    monkeypatch.setattr(moves_hidden, "left_at_present", lambda _few, _found: 2.6)
     monkeypatch.setattr(moves_hidden, "candidates", lambda *_: kinds)
     monkeypatch.setattr(moves_hidden, "put_back", lambda _found: {})
     monkeypatch.setattr(moves_hidden, "at_all_frequencies", at_all)
@@ -239,8 +239,7 @@ def test_what_swings_is_fitted_to_all_moves_if_half_of_what_is_left_is_gone_with
 def test_a_valley_is_promising_if_it_takes_a_part_of_what_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of an RMS of 2, 3 are left of its square beside the noise: two fifths of that, and not more than the best few."""
     monkeypatch.setattr(moves_hidden, "asked", lambda _found: ())
-    monkeypatch.setattr(moves_hidden, "on_a_few_moves", lambda found: found)
-    monkeypatch.setattr(moves_hidden, "fit", lambda *_: two_gaps(0.0, 0.0, 2.0))
+    monkeypatch.setattr(moves_hidden, "left_at_present", lambda _few, _found: 2.0)
     valleys = [two_gaps(0.0, 0.0, rms) for rms in (1.1, 1.2, 1.3, 1.4, 1.66, 1.69)]
     monkeypatch.setattr(moves_hidden, "valleys", lambda *_: valleys)
     base: Any = SimpleNamespace(model=None, at=None)

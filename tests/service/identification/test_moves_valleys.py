@@ -99,13 +99,13 @@ def test_what_came_nearest_is_varied_while_it_promises_and_gains(
 ) -> None:
     left = iter(nearest)
     monkeypatch.setattr(moves_valleys, "asked", lambda _found: ((),))
-    for name in ("own_of_few", "on_a_few_moves", "values_at"):
-        monkeypatch.setattr(moves_valleys, name, lambda _found: SimpleNamespace(at=0.0))
+    monkeypatch.setattr(moves_valleys, "own_of_few", lambda _found: 0.0)
+    monkeypatch.setattr(moves_valleys, "values_at", lambda _found: {})
     monkeypatch.setattr(moves_valleys, "widened", lambda local, _model: local)
     monkeypatch.setattr(moves_valleys, "places_of_loads", lambda *_: 0.0)
     monkeypatch.setattr(moves_valleys, "everywhere", lambda *_: [0.0])
     monkeypatch.setattr(moves_valleys, "about", lambda *_: [])
-    monkeypatch.setattr(moves_valleys, "fit", lambda *_: SimpleNamespace(rms_with_motors=present))
+    monkeypatch.setattr(moves_valleys, "left_at_present", lambda _few, _found: present)
 
     def fitted(*_: Any) -> list[Any]:
         return [
