@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
+from scipy.sparse import csr_array
 
 from service.dynamics.driven_reconstruction import (
     Load,
@@ -40,6 +41,8 @@ LATE = 1e-4
 """Unit of how late they are [s]."""
 EXACT = 1e-3
 """Share of the motor's acceleration to which its equation holds at best: of a recording without noise, too (chosen)."""
+UNHEARD = 1e-7
+"""Weight of a force, over the greatest, from which on it is not heard (chosen: what single precision would hold)."""
 BETWEEN = 0.75
 """Noise of the mean of a course between two samples, over that of one, about (chosen): a straight line's has 0.71, that
 of a cubic through four samples, (−1, 13, 13, −1)/24, 0.77."""
@@ -48,10 +51,10 @@ of a cubic through four samples, (−1, 13, 13, −1)/24, 0.77."""
 @dataclass(frozen=True)
 class Heard:
     """How the force at the K + 1 points of a step's grid is heard between n + 1 neighbouring speed samples: its mean
-    and its change over `LATE`, (n, K + 1) each."""
+    and its change over `LATE`, (n, K + 1) each. A force is heard near its own time only."""
 
-    mean: NDArray[np.float32]
-    change: NDArray[np.float32]
+    mean: csr_array
+    change: csr_array
 
 
 @dataclass(frozen=True)
@@ -77,7 +80,7 @@ class MotorRows:
         """The rows (S, n) by forces per moved mass (S, K + 1) [m/s²]; one that would not hold the motor back acts on it
         by nothing."""
         mean, change = (
-            self.without_own(force @ how.T * self.weight) for how in (self.heard.mean, self.heard.change)
+            self.without_own((how @ force.T).T * self.weight) for how in (self.heard.mean, self.heard.change)
         )
         mm, mc, cc = (np.sum(a * b, axis=1) for a, b in ((mean, mean), (mean, change), (change, change)))
         my, cy = mean @ self.acceleration, change @ self.acceleration
@@ -219,4 +222,9 @@ def heard(grid: FloatArray, time: FloatArray, lag: float) -> Heard:
     dt = np.diff(time)[:, None]
     mean = np.diff(course.antiderivative()(time), axis=0) / dt
     change = LATE * np.diff(course(time), axis=0) / dt
-    return Heard(mean.astype(np.float32), change.astype(np.float32))
+    return Heard(near_by(mean), near_by(change))
+
+
+def near_by(how: FloatArray) -> csr_array:
+    """The weights without those that are too small to be heard."""
+    return csr_array(np.where(np.abs(how) > UNHEARD * np.max(np.abs(how), initial=0.0), how, 0.0))
