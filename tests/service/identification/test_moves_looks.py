@@ -124,7 +124,9 @@ def test_a_second_look_is_for_what_may_still_be_the_best(monkeypatch: Any) -> No
     valleys.clear()
     monkeypatch.setattr(moves_looks, "HOPES", 1)
     compared(9.0, tuple(nowhere))
-    assert again == ["far"], "of what is not near only the nearest"
+    assert again == ["far"], "of all only the nearest"
+    compared(3.0, ("slow", "hopeful"))
+    assert again == ["hopeful"]
     monkeypatch.setattr(moves_looks, "from_afar", lambda *args: [stub(1.5)] if args[-1].name == "far" else [])
     assert compared(6.8, tuple(nowhere)) == {"far": [1.5, 3.5, 4.9], "farther": [5.9]}
     assert again == ["far"], "what is near from there is looked at again"
