@@ -12,16 +12,17 @@ from service.dynamics.effects.driven_library import DRIVEN
 from service.dynamics.effects.driven_sensors import DrivenBias
 from service.identification.axis_verdict import LEFT_BY_ONE, SMALL, finding_of, verdict
 from service.identification.explanation import Accepted, AxisExplanation
-from service.identification.given_effects import LEFT, as_accepted, names_of, with_effects_of
+from service.identification.given_effects import as_accepted, names_of, with_effects_of
 from service.identification.held_out import DESCRIBED, SEARCHED, Explained, trial_of
 from service.identification.moves_end import declared_end, ended
 from service.identification.moves_hidden import as_heard_by_motors, hidden, swinging
 from service.identification.moves_motors import CONTRADICTED, PLAINLY, left_by_motors, nothing_left
-from service.identification.moves_search import challenged, describes_all, propose, without
+from service.identification.moves_search import challenged, describes_all, may_be_named, propose, without
 from service.identification.moves_starts import TOO_MUCH
 from service.identification.scene import Scene, declared_fits, scene_of
 from service.identification.selection import (
     EXPLAINED,
+    LEFT,
     Limits,
     Selection,
     Trial,
@@ -160,7 +161,7 @@ def contradicted(
 
 def describes_motors(before: Trial[Explained], trial: Trial[Explained]) -> bool:
     """Whether a model describes the moves that were fitted and the others, and what the motors say."""
-    return describes_all(trial) and reconciled(before, trial)
+    return describes_all(before, trial) and reconciled(before, trial)
 
 
 def reconciled(before: Trial[Explained], trial: Trial[Explained]) -> bool:
@@ -204,7 +205,7 @@ def selected(
     return select(
         before,
         proposed,
-        refine=lambda trial: ended(scene, trial),
+        refine=lambda trial: ended(scene, trial) if may_be_named(before, trial) else trial,
         tell=tell,
         challenge=lambda present, best: challenged(scene, present, best),
         limits=limits,

@@ -19,14 +19,15 @@ from service.identification.explanation import (
     Parameter,
     Prediction,
 )
-from service.identification.given_effects import LEFT
 from service.identification.held_out import SEARCHED, SEEN_AT_REST, Explained, Held, rms
-from service.identification.moves_motors import CONTRADICTED, PLAINLY, left_by_motors
+from service.identification.moves_motors import CONTRADICTED, left_by_motors, plainly_against
 from service.identification.scene import Scene
 from service.identification.selection import (
+    LEFT,
     LEFT_BY_CLEAN,
     PART,
     UNKNOWN_NUMBERS,
+    WHOLLY,
     Selection,
     Trial,
     distance,
@@ -81,9 +82,6 @@ CLEARLY = 0.75
 """Share of the excess variance in the moves that were fitted and in those that were not that an effect explains by
 itself which is in no sound machine, and shows in all moves; it leaves next to nothing, or there was more to explain
 than impurities leave (chosen)."""
-WHOLLY = 0.98
-"""Share from which on an effect is named whatever it leaves: it has predicted moves that nobody has fitted, and what is
-left is how its law differs from the machine's (chosen)."""
 CHANGED = 4.0
 """Held-out RMS from which on the machine is not what it was in the train recordings, however well it fits these: what
 impurities too small to matter leave there is less, and so does what has its right name (chosen)."""
@@ -186,12 +184,9 @@ def _reconciles_motors(selection: Selection[Explained]) -> bool:
 
 
 def _against_motors(selection: Selection[Explained]) -> bool:
-    """Whether the moves that were not fitted are not described with what was found, and the motors contradict it
-    plainly and not far less than the model before: what acts is something else, of which it is a likeness."""
-    before, after = (left_by_motors(t.model.fitted) for t in (selection.before, selection.after))
-    plainly = after > PLAINLY * selection.after.train_rms
-    hardly_less = after**2 - 1.0 > (1.0 - CLEARLY) * (before**2 - 1.0)
-    return selection.after.validation_rms > LEFT_BY_CLEAN and bool(np.any(plainly & hardly_less))
+    """Whether the moves that were not fitted are not described with what was found, and the motors speak against it."""
+    foretold = selection.after.validation_rms <= LEFT_BY_CLEAN
+    return not foretold and plainly_against(selection.before, selection.after)
 
 
 def _of_every_machine(selection: Selection[Explained]) -> bool:

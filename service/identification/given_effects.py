@@ -15,10 +15,7 @@ from service.identification.moves_end import OF_PRESENT, ended, settled
 from service.identification.moves_search import propose
 from service.identification.moves_starts import ROUNDS
 from service.identification.scene import Scene
-from service.identification.selection import Trial
-
-LEFT = 1.6
-"""RMS over the noise up to which the effects of a model count as the whole explanation (chosen)."""
+from service.identification.selection import LEFT, Trial
 
 
 def searched_for(scene: Scene, declared: Trial[Explained], effects: Sequence[str]) -> Trial[Explained]:

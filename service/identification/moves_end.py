@@ -34,7 +34,7 @@ from service.identification.moves_starts import (
     speeds_first,
 )
 from service.identification.scene import Scene
-from service.identification.selection import UNKNOWN_NUMBERS, Trial
+from service.identification.selection import LEFT, UNKNOWN_NUMBERS, Trial
 
 BY_SETTLING = 0.5
 """Share of its RMS that a fit keeps when it is settled, below which others are settled beside it (chosen)."""
@@ -205,7 +205,7 @@ def swung_in(found: Fitted) -> Fitted:
 
 def ended(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
     """The fit of a model that may be the right one, its effects as they are simulated for a value, continued while it
-    gains."""
+    gains; steadied where it may be the whole explanation."""
     lacks_something = trial.model.fitted.model == scene.declared and trial.train_rms > SOUND
     if trial.model.ended or lacks_something:
         return trial
@@ -216,7 +216,7 @@ def ended(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
         gained, best = best.rms - further.rms, min(best, further, key=lambda f: f.rms)
         if gained < GAIN * best.rms:
             break
-    best = steady(best)
+    best = steady(best) if best.rms <= LEFT else best
     out = trial if best is trial.model.fitted else trial_of(scene, best)
     return replace(out, model=replace(out.model, ended=True))
 

@@ -20,9 +20,8 @@ from service.backlash.moves_begun import Values
 from service.backlash.moves_fit import Fitted, Point, fit, reconstructed, values_at
 from service.dynamics.driven_model import DrivenEffect
 from service.identification.explanation import Candidate
-from service.identification.given_effects import LEFT
 from service.identification.held_out import DESCRIBED, Explained, trial_of
-from service.identification.moves_end import RIDGE, settled
+from service.identification.moves_end import RIDGE, SOUND, settled
 from service.identification.moves_looks import VALLEYS, noted
 from service.identification.moves_lying import lying_as_left, pinions_lie
 from service.identification.moves_motors import CONTRADICTED, nothing_left, of_moves
@@ -42,6 +41,7 @@ from service.identification.moves_starts import Candidate as DrivenCandidate
 from service.identification.moves_valleys import asked, left_at_present, valleys
 from service.identification.scene import Scene
 from service.identification.selection import (
+    LEFT,
     LEVEL,
     PART,
     UNKNOWN_NUMBERS,
@@ -200,7 +200,8 @@ def swinging(
 ) -> dict[str, Trial[Explained]]:
     """What of these `kinds` swings, begun at all frequencies and compared by samples and motors together: a mass that
     swings with its machine shows in the fitted moves hardly otherwise than a chain that is not the machine's, but what
-    holds it back the motors feel. Of those that take `PART` of what a few moves and their motors show, by name."""
+    holds it back the motors feel. Of those that take `PART` of what a few moves and their motors show, and leave no
+    more of them than what may describe all, by name."""
     base, out = before.model.fitted, dict[str, Trial[Explained]]()
     few = asked(base)
     present = left_at_present(few, base)
@@ -209,7 +210,7 @@ def swinging(
         best = min(fits, key=lambda f: f.rms_with_motors)
         best = fit(few, best.model, best.at, ROUNDS)
         tell(f"tried {candidate.name} at all frequencies: {best.rms_with_motors:.3f} (now {present:.3f})")
-        if gone(present, best.rms_with_motors, PART):
+        if best.rms_with_motors < SOUND and gone(present, best.rms_with_motors, PART):
             out[candidate.name] = trial_of(scene, settled(on_all_moves(base, (best,)), ROUNDS))
     return out
 

@@ -9,7 +9,8 @@ import numpy as np
 from service.backlash.motor_rows import OWN, MotorRows
 from service.backlash.moves import predict
 from service.backlash.moves_fit import Fitted, reconstructed
-from service.identification.held_out import SEARCHED
+from service.identification.held_out import SEARCHED, Explained
+from service.identification.selection import Trial
 from service.recording import FloatArray
 
 CONTRADICTED = 1.5
@@ -19,6 +20,8 @@ and those with two gaps 1.8 and more)."""
 PLAINLY = 2.5
 """How many times more the motors' equations leave than the samples where they speak plainly: then what is hidden is
 asked for first, and what was found and is not spoken of otherwise is not what acts (chosen)."""
+HARDLY_LESS = 0.75
+"""Share of what the motors' equations left before that is gone where the motors speak for a model (chosen)."""
 FINEST = 3e-4
 """Shortest length [m] that is looked for in what repeats with a motor's position: its poles and slots are twenty to
 a hundred of a turn, and a speed that is sampled each millisecond hardly shows shorter ones (chosen)."""
@@ -37,6 +40,14 @@ def left_by_motors(found: Fitted) -> FloatArray:
     torque was recorded."""
     left = [np.concatenate(of_motor) for of_motor in zip(*of_moves(found), strict=True)]
     return np.array([np.sqrt(np.mean(rows**2)) for rows in left] or [0.0] * len(found.model.axes))
+
+
+def plainly_against(present: Trial[Explained], trial: Trial[Explained]) -> bool:
+    """Whether the motors contradict a model plainly, and not far less than the present one: what acts is something
+    else, of which it is a likeness."""
+    before, after = (left_by_motors(t.model.fitted) for t in (present, trial))
+    hardly_less = after**2 - 1.0 > (1.0 - HARDLY_LESS) * (before**2 - 1.0)
+    return bool(np.any((after > PLAINLY * trial.train_rms) & hardly_less))
 
 
 def of_moves(found: Fitted) -> list[list[FloatArray]]:

@@ -44,6 +44,7 @@ from service.identification.moves_looks import (
     noted,
     out_of_reach,
 )
+from service.identification.moves_motors import plainly_against
 from service.identification.moves_rests import swings_at_all
 from service.identification.moves_starts import (
     BRIEF,
@@ -63,7 +64,17 @@ from service.identification.moves_starts import (
     widened,
 )
 from service.identification.scene import Scene
-from service.identification.selection import LEFT_BY_CLEAN, UNKNOWN_NUMBERS, Trial, distance, shown
+from service.identification.selection import (
+    LEFT,
+    LEFT_BY_CLEAN,
+    PART,
+    UNKNOWN_NUMBERS,
+    WHOLLY,
+    Trial,
+    distance,
+    gone,
+    shown,
+)
 
 FIRST_ROUNDS = 6
 """Rounds of a first fit of all moves."""
@@ -179,16 +190,17 @@ def propose(
     base = on_sound_motion(present.model.fitted)
     tried = candidates(base.model, library, taken)
     coupled = {c.name: as_coupled(scene, base, c) for c in tried if scene.coupled and bridges(c)}
-    trials, spared = proposed(scene, base, tried, coupled, taken, tell)
-    if not (trials and spared) or any(describes_all(trial) for trial in trials.values()):
+    trials, spared = proposed(scene, present, base, tried, coupled, taken, tell)
+    if not (trials and spared) or any(describes_all(present, trial) for trial in trials.values()):
         return trials
     tell("what describes a few moves does not describe the others: the other effects, from strong starts")
-    again, _ = proposed(scene, base, spared, {}, taken, tell, sparing=False)
+    again, _ = proposed(scene, present, base, spared, {}, taken, tell, sparing=False)
     return trials | {name: min((trials.get(name, t), t), key=distance) for name, t in again.items()}
 
 
 def proposed(
     scene: Scene,
+    present: Trial[Explained],
     base: Fitted,
     tried: Sequence[Candidate],
     coupled: Mapping[str, Fitted],
@@ -226,14 +238,18 @@ def proposed(
         for name, f in found.items()
     }
     trials = {c.name: in_best_shape(scene, base, c, trials[c.name]) for c in tried}
-    trials = finished(scene, trials)
-    trials = trials | beside_likeness(scene, base, tried, trials)
+    trials = finished(scene, present, trials)
+    trials = trials | beside_likeness(scene, present, base, tried, trials)
     best = min(tried, key=lambda c: distance(trials[c.name]))
     return trials | {best.name: in_other_shapes(scene, base, best, trials[best.name])}, spared
 
 
 def beside_likeness(
-    scene: Scene, base: Fitted, tried: Sequence[Candidate], trials: Mapping[str, Trial[Explained]]
+    scene: Scene,
+    present: Trial[Explained],
+    base: Fitted,
+    tried: Sequence[Candidate],
+    trials: Mapping[str, Trial[Explained]],
 ) -> dict[str, Trial[Explained]]:
     """Where the nearest of all is no such effect by its limits, the others that are nearer once they begin on the
     machine that it found, by name: a likeness of the right effect leads to the right machine, from which that one's own
@@ -250,14 +266,33 @@ def beside_likeness(
         name = brief.model.effects[-1].name
         again = carried(base, noted(brief, base.moves), FIRST_ROUNDS)
         if again.rms < SECOND * trials[name].train_rms:
-            nearer = ended(scene, trial_of(scene, settled(again, ROUNDS)))
+            nearer = trial_of(scene, settled(again, ROUNDS))
+            nearer = ended(scene, nearer) if may_be_named(present, nearer) else nearer
             out[name] = min((trials[name], nearer), key=distance)
     return out
 
 
-def describes_all(trial: Trial[Explained]) -> bool:
-    """Whether a model describes the moves that were fitted and the others, with numbers that there are."""
-    return max(trial.train_rms, trial.validation_rms) <= DESCRIBED and not trial.at_limits
+def describes_all(present: Trial[Explained], trial: Trial[Explained]) -> bool:
+    """Whether a model describes the moves that were fitted and the others, or next to all that the present one leaves
+    of both, with numbers that there are."""
+    described = max(trial.train_rms, trial.validation_rms) <= DESCRIBED
+    wholly = all(
+        gone(before, after, WHOLLY)
+        for before, after in (
+            (present.train_rms, trial.train_rms),
+            (present.validation_rms, trial.validation_rms),
+        )
+    )
+    return (described or wholly) and not trial.at_limits
+
+
+def may_be_named(present: Trial[Explained], trial: Trial[Explained]) -> bool:
+    """Whether a fit may be that of a name once it is ended: next to nothing is left of the moves that it was fitted to,
+    or not much, or half of what the present one leaves is gone, and the motors do not speak against it."""
+    if trial.train_rms <= LEFT_BY_CLEAN:
+        return True
+    near = trial.train_rms <= LEFT or gone(present.train_rms, trial.train_rms, PART)
+    return near and not plainly_against(present, trial)
 
 
 def worth_all_moves(base: Fitted) -> float:
@@ -280,12 +315,14 @@ def begun_again(
         found[candidate.name] = seconded(ground, first, candidate, nearest, far)
 
 
-def finished(scene: Scene, trials: Mapping[str, Trial[Explained]]) -> dict[str, Trial[Explained]]:
-    """The trials, those of the finalists with the motor's motion reconstructed from them, and ended if they are near;
-    what swings comes last, and only if it is not far behind; where none is anywhere near, the nearest alone. The
-    nearest is led on over further ridges before any is ended; what one of them contains is ended before it. What comes
-    closest to the moves that it was fitted to, and describes them, is ended even if it describes the others not much
-    worse: it may be the right one."""
+def finished(
+    scene: Scene, present: Trial[Explained], trials: Mapping[str, Trial[Explained]]
+) -> dict[str, Trial[Explained]]:
+    """The trials, those of the finalists with the motor's motion reconstructed from them, and ended if they may be
+    named; what swings comes last, and only if it is not far behind; where none is anywhere near, the nearest alone. The
+    nearest is led on over further ridges before any is ended, unless the motors speak against it; what one of them
+    contains is ended before it. What comes closest to the moves that it was fitted to, and describes them, is ended
+    even if it describes the others not much worse: it may be the right one."""
     out, done = dict(trials), list[str]()
     last = finalists(trials)
     if min(trials[name].train_rms for name in last) > FAR_OFF * HOPELESS:
@@ -296,14 +333,15 @@ def finished(scene: Scene, trials: Mapping[str, Trial[Explained]]) -> dict[str, 
             out[name] = trial_of(scene, settled(with_own_errors(out[name].model.fitted), ROUNDS))
             done.append(name)
     name = min(done, key=lambda name: out[name].train_rms)
-    out[name] = led_further(scene, out[name])
+    if not plainly_against(present, out[name]):
+        out[name] = led_further(scene, out[name])
     sound = [name for name in done if not out[name].at_limits]
     near = leading({name: distance(out[name]) for name in sound}, FINALISTS)
     first = min(done, key=lambda name: distance(out[name]))
     closest = min(sound, key=lambda name: out[name].train_rms, default=first)
     near += [inner for name in {first, *near} for inner in DRIVEN[name].contains if inner in out]
     for name in sorted({first, *near}, key=lambda name: len(out[name].model.fitted.model.parameters)):
-        if not inner_suffices(name, out):
+        if may_be_named(present, out[name]) and not inner_suffices(name, out):
             out[name] = to_the_end(scene, out[name])
     if inner_suffices(closest, out):
         return out

@@ -11,11 +11,12 @@ from service.backlash.moves_fit import Fitted, values_at
 from service.dynamics.effects.driven_library import DRIVEN
 from service.identification.axis_numbers import backlash_of
 from service.identification.explanation import CannotExplain
-from service.identification.given_effects import LEFT, begun_with, searched_for
+from service.identification.given_effects import begun_with, searched_for
 from service.identification.held_out import trial_of
 from service.identification.moves_end import OF_PRESENT, settled
 from service.identification.moves_starts import ROUNDS
 from service.identification.scene import Scene, declared_fits, scene_of
+from service.identification.selection import LEFT
 from service.recording import Recording
 
 

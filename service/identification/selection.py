@@ -32,8 +32,13 @@ before all (chosen)."""
 EXPLAINED = 0.9
 """Share of the excess variance, all but an order of magnitude, that one effect explains by itself; several that still
 leave something are how a library imitates what it does not have (chosen)."""
+WHOLLY = 0.98
+"""Share from which on an effect is named whatever it leaves: it has predicted moves that nobody has fitted, and what is
+left is how its law differs from the machine's (chosen)."""
 PART = 0.5
 """Share of the excess variance that has to be explained for a name: less is a part of something else (chosen)."""
+LEFT = 1.6
+"""RMS over the noise up to which the effects of a model count as the whole explanation (chosen)."""
 LEFT_BY_CLEAN = 1.25
 """RMS over what is expected up to which what is left may be next to nothing (chosen)."""
 MAX_EFFECTS = 4
@@ -111,8 +116,11 @@ def explained(before: Trial[ModelT], after: Trial[ModelT], share: float = EXPLAI
 
 def leads_on(first: Trial[ModelT], present: Trial[ModelT], taken: int, most: int) -> bool:
     """Whether what was taken may be the first of `most` effects that explain everything, the strongest first: of as
-    many equal ones each explains as much of the excess variance."""
-    return explained(first, present, taken / most)
+    many equal ones each explains as much of the excess variance, in the held-out moves and in those that were fitted,
+    unless not much is left of these."""
+    share = taken / most
+    in_train = present.train_rms <= LEFT or gone(first.train_rms, present.train_rms, share)
+    return in_train and explained(first, present, share)
 
 
 def distance(trial: Trial[ModelT]) -> float:

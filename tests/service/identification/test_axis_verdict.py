@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from service.identification import axis_verdict
+from service.identification import axis_verdict, moves_motors
 from service.identification.selection import Selection, Trial
 
 
@@ -22,7 +22,8 @@ def trial(train: float, held_out: float) -> Trial[Any]:
 @pytest.fixture(autouse=True)
 def no_torque(monkeypatch: pytest.MonkeyPatch) -> None:
     """No torque was recorded, so the motors say nothing, unless a test says what."""
-    monkeypatch.setattr(axis_verdict, "left_by_motors", lambda _fitted: np.zeros(1))
+    for module in (axis_verdict, moves_motors):
+        monkeypatch.setattr(module, "left_by_motors", lambda _fitted: np.zeros(1))
 
 
 @pytest.mark.parametrize(
@@ -108,7 +109,7 @@ def test_an_effect_that_the_motors_speak_against_is_not_named(
     b = {id(without.model.fitted): (50e-6, 1e-7), id(with_it.model.fitted): (40e-6, 1e-7)}
     left = dict(zip(b, motors, strict=True))
     monkeypatch.setattr(axis_verdict, "backlash_of", lambda fitted, _axis: b[id(fitted)])
-    monkeypatch.setattr(axis_verdict, "left_by_motors", lambda fitted: np.array([0.2, left[id(fitted)]]))
+    monkeypatch.setattr(moves_motors, "left_by_motors", lambda fitted: np.array([0.2, left[id(fitted)]]))
     selection = Selection(without, with_it, ("sensor_gain",), (), ())
     assert axis_verdict.finding_of(selection)[0] == found
 

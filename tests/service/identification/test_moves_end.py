@@ -5,12 +5,15 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any, cast
 
+import numpy as np
 import pytest
 
 from service.dynamics.driven_model import Model
 from service.identification import moves_end
+from service.identification.held_out import Explained
 from service.identification.moves_end import parted
 from service.identification.moves_ridges import other_sizes
+from service.identification.selection import Trial
 
 
 def stub(rms: float, name: str = "") -> Any:
@@ -45,6 +48,24 @@ def test_a_declared_model_that_lacks_something_is_not_finished(monkeypatch: Any)
     for one in (trial("declared", 1.5), trial("with an effect", 2.5)):
         with pytest.raises(AssertionError, match="finished"):
             moves_end.ended(scene, one)
+
+
+@pytest.mark.parametrize(("left", "steadied"), [(1.5, True), (1.7, False)])
+def test_only_what_may_be_the_whole_explanation_is_steadied(
+    monkeypatch: Any, left: float, steadied: bool
+) -> None:
+    """Whitened, a likeness that leaves twice the noise leaves more than it did."""
+    fitted = SimpleNamespace(model=SimpleNamespace(name="likeness"), rms=left)
+    explained = Explained(cast(Any, fitted), cast(Any, None))
+    trial = Trial(explained, left, left, np.zeros(1), np.zeros(0), 1.0)
+    done: list[float] = []
+    monkeypatch.setattr(moves_end, "in_full", lambda one: one)
+    monkeypatch.setattr(moves_end, "with_own_errors", lambda one: one)
+    monkeypatch.setattr(moves_end, "swings_at_all", lambda _model: False)
+    monkeypatch.setattr(moves_end, "settled", lambda one, *_: one)
+    monkeypatch.setattr(moves_end, "steady", lambda one: done.append(one.rms) or one)
+    assert moves_end.ended(cast(Any, SimpleNamespace(declared=None)), trial).model.ended
+    assert done == ([left] if steadied else [])
 
 
 @pytest.mark.parametrize(

@@ -201,11 +201,13 @@ def test_what_few_moves_and_their_motors_speak_against_is_not_fitted_to_all(
     ]
 
 
-def test_what_swings_is_fitted_to_all_moves_if_half_of_what_is_left_is_gone_with_it(
-    monkeypatch: pytest.MonkeyPatch,
+@pytest.mark.parametrize(("present", "body"), [(2.6, 2.2), (11.1, 2.5)], ids=["too little", "far from all"])
+def test_what_swings_is_fitted_to_all_moves_if_half_is_gone_with_it_and_little_left(
+    monkeypatch: pytest.MonkeyPatch, present: float, body: float
 ) -> None:
-    """Of an RMS of 2.6 with the motors 0.9 is left with a mass on the carriage, 2.2 with a body under the axis."""
-    best = {"hung_mass_mode": 0.9, "machine_body_mode": 2.2}
+    """Of an RMS of 2.6 with the motors 0.9 is left with a mass on the carriage, 2.2 with a body under the axis; of 11,
+    2.5 with a body, which does not describe a few moves and does no better of all."""
+    best = {"hung_mass_mode": 0.9, "machine_body_mode": body}
     fitted: list[float] = []
 
     def fit(_few: Any, model: str, *_: Any) -> Any:
@@ -218,7 +220,7 @@ def test_what_swings_is_fitted_to_all_moves_if_half_of_what_is_left_is_gone_with
 
     kinds = [SimpleNamespace(name=name, model=name) for name in best]
     monkeypatch.setattr(moves_hidden, "asked", lambda _found: ())
-    monkeypatch.setattr(moves_hidden, "left_at_present", lambda _few, _found: 2.6)
+    monkeypatch.setattr(moves_hidden, "left_at_present", lambda _few, _found: present)
     monkeypatch.setattr(moves_hidden, "candidates", lambda *_: kinds)
     monkeypatch.setattr(moves_hidden, "put_back", lambda _found: {})
     monkeypatch.setattr(moves_hidden, "at_all_frequencies", at_all)

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from service.backlash.moves import early_part, predict, residuals, some_of
 from service.backlash.moves_fit import Fitted, every, fit, jacobian, reconstructed
-from service.identification.moves_motors import CONTRADICTED, left_by_motors
+from service.identification import moves_motors
+from service.identification.moves_motors import CONTRADICTED, left_by_motors, plainly_against
 from service.identification.moves_valleys import asked as of_few
 from service.recording import FloatArray, Recording, Trace
 
@@ -112,3 +115,18 @@ def test_without_torque_the_samples_alone_are_fitted_and_nothing_contradicts(fou
     silent = replace(found, moves=moves)
     assert not any(part.motors for part in reconstructed(silent, asked=True))
     assert left_by_motors(silent)[0] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("motors", "samples", "against"),
+    [((7.0, 8.2), 1.1, True), ((7.0, 2.6), 1.1, False), ((7.0, 4.5), 2.0, False), ((0.0, 0.0), 1.1, False)],
+    ids=["no less", "far less", "not plainly", "no torque"],
+)
+def test_the_motors_speak_against_what_they_contradict_plainly_and_hardly_less(
+    monkeypatch: pytest.MonkeyPatch, motors: tuple[float, float], samples: float, against: bool
+) -> None:
+    monkeypatch.setattr(moves_motors, "left_by_motors", lambda left: np.array([0.2, left]))
+    before, after = (
+        SimpleNamespace(train_rms=samples, model=SimpleNamespace(fitted=left)) for left in motors
+    )
+    assert plainly_against(cast(Any, before), cast(Any, after)) is against

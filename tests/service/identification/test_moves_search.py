@@ -21,6 +21,13 @@ from service.identification.moves_search import finalists, leading
 
 FORCE, FRICTION = "position_dependent_force", "asymmetric_friction"
 HUNG, BODY = "hung_mass_mode", "machine_body_mode"
+PRESENT = cast(Any, SimpleNamespace(train_rms=9.0, validation_rms=9.0))
+
+
+@pytest.fixture(autouse=True)
+def no_torque(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No torque was recorded, so the motors speak against nothing, unless a test says what."""
+    monkeypatch.setattr(moves_search, "plainly_against", lambda _present, _trial: False)
 
 
 def test_no_fit_is_finished_that_is_far_behind_the_best() -> None:
@@ -70,12 +77,12 @@ def test_all_finalists_that_are_near_are_ended_before_one_is_chosen(monkeypatch:
         return one if near < 2.0 else trial(one.name + " ended", 1.0, 1.0)
 
     monkeypatch.setattr(moves_search, "to_the_end", to_the_end)
-    done = moves_search.finished(cast(Any, None), cast(Any, trials))
+    done = moves_search.finished(cast(Any, None), PRESENT, cast(Any, trials))
     near = [f"{FORCE} ended", f"{FRICTION} ended", "constant_force ended"]
     assert [cast(Any, done[name]).name for name in errors] == [*near, "sensor_gain"]
     assert asked[-1] == (f"{FRICTION} ended", 1.15), "what describes its moves best may be the right one"
     trials[FRICTION].at_limits = ("coulomb_asymmetry",)
-    done = moves_search.finished(cast(Any, None), cast(Any, trials))
+    done = moves_search.finished(cast(Any, None), PRESENT, cast(Any, trials))
     assert cast(Any, done[FRICTION]).name == FRICTION, "what is no such effect is not worth the time"
 
 
@@ -110,7 +117,7 @@ def test_where_none_is_anywhere_near_the_nearest_alone_is_settled(
     monkeypatch.setattr(moves_search, "trial_of", lambda _scene, fitted: trials[fitted.name])
     monkeypatch.setattr(moves_search, "inner_suffices", lambda *_: False)
     monkeypatch.setattr(moves_search, "to_the_end", lambda _scene, one, *_: one)
-    moves_search.finished(cast(Any, None), cast(Any, trials))
+    moves_search.finished(cast(Any, None), PRESENT, cast(Any, trials))
     assert asked == settled
 
 
@@ -140,7 +147,7 @@ def test_the_nearest_that_is_led_on_is_judged_by_where_it_ended(monkeypatch: Any
     monkeypatch.setattr(moves_search, "inner_suffices", lambda *_: False)
     ended: list[Any] = []
     monkeypatch.setattr(moves_search, "to_the_end", lambda _scene, one, *_: ended.append(one) or one)
-    done = moves_search.finished(cast(Any, None), cast(Any, trials))
+    done = moves_search.finished(cast(Any, None), PRESENT, cast(Any, trials))
     assert led == [HUNG]
     assert cast(Any, done[HUNG]) is further
     assert further in ended
@@ -180,10 +187,75 @@ def test_the_others_begin_on_the_machine_that_a_likeness_of_the_right_effect_fou
     monkeypatch.setattr(moves_search, "settled", lambda fitted, _rounds: fitted)
     monkeypatch.setattr(moves_search, "trial_of", lambda _scene, _fitted: right)
     monkeypatch.setattr(moves_search, "ended", lambda _scene, one: one)
-    out = moves_search.beside_likeness(cast(Any, None), cast(Any, base), cast(Any, candidates), trials)
+    out = moves_search.beside_likeness(
+        cast(Any, None), PRESENT, cast(Any, base), cast(Any, candidates), trials
+    )
     assert out == ({"sensor_gain": right} if named else {})
     alone = cast(Any, candidates[-1:])
-    assert moves_search.beside_likeness(cast(Any, None), cast(Any, base), alone, trials) == {}
+    assert moves_search.beside_likeness(cast(Any, None), PRESENT, cast(Any, base), alone, trials) == {}
+
+
+@pytest.mark.parametrize(
+    ("present", "left", "against", "may"),
+    [
+        (9.0, 1.2, True, True),
+        (9.0, 1.5, False, True),
+        (9.0, 1.5, True, False),
+        (2.35, 1.94, False, False),
+        (20.0, 2.6, False, True),
+    ],
+    ids=["next to nothing left", "not much left", "but against the motors", "too much left", "half is gone"],
+)
+def test_only_what_may_be_named_is_ended(
+    monkeypatch: Any, present: float, left: float, against: bool, may: bool
+) -> None:
+    """A load that had changed, and a sensor that was bent, kept the likenesses of it for minutes."""
+    monkeypatch.setattr(moves_search, "plainly_against", lambda _present, _trial: against)
+    trials = (SimpleNamespace(train_rms=rms) for rms in (present, left))
+    assert moves_search.may_be_named(*cast(Any, trials)) is may
+
+
+@pytest.mark.parametrize("against", [True, False])
+def test_what_the_motors_speak_against_is_neither_led_on_nor_ended(monkeypatch: Any, against: bool) -> None:
+    fitted = SimpleNamespace(name=BODY, model=SimpleNamespace(parameters=()))
+    explained = SimpleNamespace(fitted=fitted)
+    trial = SimpleNamespace(train_rms=1.6, held_rms=1.6, model=explained, at_limits=())
+    done: list[str] = []
+    monkeypatch.setattr(moves_search, "plainly_against", lambda _present, _trial: against)
+    monkeypatch.setattr(moves_search, "swings_at_all", lambda _model: True)
+    monkeypatch.setattr(moves_search, "with_own_errors", lambda fitted: fitted)
+    monkeypatch.setattr(moves_search, "settled", lambda fitted, _rounds: fitted)
+    monkeypatch.setattr(moves_search, "led_on", lambda fitted: done.append("led") or fitted)
+    monkeypatch.setattr(moves_search, "trial_of", lambda _scene, _fitted: trial)
+    monkeypatch.setattr(
+        moves_search, "to_the_end", lambda _scene, one, near=2.0, *_: done.append(str(near)) or one
+    )
+    moves_search.finished(cast(Any, None), PRESENT, cast(Any, {BODY: trial}))
+    assert done == (["1.15"] if against else ["led", "2.0", "1.15"]), (
+        "what describes its moves is ended anyway"
+    )
+
+
+@pytest.mark.parametrize(
+    ("train", "held_out", "limits", "all_moves"),
+    [
+        (1.0, 1.1, (), True),
+        (1.01, 1.18, (), True),
+        (1.01, 1.18, ("X1.bend",), False),
+        (1.01, 1.9, (), False),
+        (1.3, 1.1, (), False),
+    ],
+)
+def test_what_leaves_next_to_nothing_of_what_was_missing_describes_all_moves(
+    train: float, held_out: float, limits: tuple[str, ...], all_moves: bool
+) -> None:
+    """Of a stiffening contact that left 1.18 of the noise in the other moves all other effects were tried again, from
+    strong starts and at all frequencies."""
+    before, after = (
+        SimpleNamespace(train_rms=fitted, validation_rms=other, at_limits=limits)
+        for fitted, other in ((3.8, 5.1), (train, held_out))
+    )
+    assert moves_search.describes_all(cast(Any, before), cast(Any, after)) is all_moves
 
 
 def replace_rms(one: Any, rms: float) -> Any:
@@ -571,7 +643,7 @@ def test_what_was_spared_its_strong_starts_has_them_where_another_only_imitates_
     library = [SimpleNamespace(name=name) for name in ("imitator", "right")]
     rounds: list[list[str]] = []
 
-    def proposed(_scene: Any, _base: Any, tried: Any, *_: Any, sparing: bool = True) -> Any:
+    def proposed(_scene: Any, _present: Any, _base: Any, tried: Any, *_: Any, sparing: bool = True) -> Any:
         rounds.append([one.name for one in tried])
         trials = {name: trial(*of) for name, of in first.items()} | {"right": trial(1.9, 6.0)}
         return (
@@ -586,7 +658,8 @@ def test_what_was_spared_its_strong_starts_has_them_where_another_only_imitates_
     monkeypatch.setattr(moves_search, "on_sound_motion", lambda found: found)
     monkeypatch.setattr(moves_search, "candidates", lambda *_: library)
     monkeypatch.setattr(moves_search, "proposed", proposed)
-    scene, present = SimpleNamespace(coupled={}), SimpleNamespace(model=SimpleNamespace(fitted=base))
+    scene, present = SimpleNamespace(coupled={}), trial(3.0, 6.0)
+    present.model = SimpleNamespace(fitted=base)
     trials = moves_search.propose(cast(Any, scene), (), cast(Any, present), (), lambda _text: None)
     assert rounds == asked
     if first:

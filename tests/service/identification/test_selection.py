@@ -10,7 +10,7 @@ import pytest
 from service.dynamics.effects.driven_library import DRIVEN
 from service.identification.explanation import Explanation
 from service.identification.regression_effects import play
-from service.identification.selection import Limits, Trial, gain_p_value, select, sole_fit
+from service.identification.selection import Limits, Trial, gain_p_value, leads_on, select, sole_fit
 
 
 def trial(rms: float, seed: int, noise: float = 0.0) -> Trial[str]:
@@ -184,6 +184,20 @@ def test_the_search_ends_where_no_effect_explains_as_much_as_several_of_them_wou
             limits=Limits(0.05, further=(0.25, 1.6), most=most),
         )
         assert found.effects == effects
+
+
+@pytest.mark.parametrize(
+    ("first", "left", "leads"),
+    [(2.35, 1.94, False), (2.96, 1.76, True), (1.9, 1.55, True)],
+    ids=["two fifths", "three quarters", "little left"],
+)
+def test_a_first_effect_that_leaves_what_was_fitted_as_it_was_leads_to_no_second(
+    first: float, left: float, leads: bool
+) -> None:
+    """A load that had changed was described in part by a body that rocks, in the held-out moves before all; of two
+    planted effects the first took more than half of both."""
+    before, after = (replace(trial(held, 0), train_rms=rms) for rms, held in ((first, 3.0), (left, 2.0)))
+    assert leads_on(before, after, 1, 2) is leads
 
 
 def test_no_gain_has_no_significance() -> None:
