@@ -13,7 +13,7 @@ from service.dynamics.effects.driven_sensors import DrivenBias
 from service.identification.axis_verdict import LEFT_BY_ONE, SMALL, finding_of, verdict
 from service.identification.explanation import Accepted, AxisExplanation
 from service.identification.given_effects import as_accepted, names_of, with_effects_of
-from service.identification.held_out import DESCRIBED, SEARCHED, Explained, trial_of
+from service.identification.held_out import DESCRIBED, SEARCHED, Explained, overdamped, trial_of
 from service.identification.moves_end import declared_end, ended
 from service.identification.moves_hidden import as_heard_by_motors, hidden, swinging
 from service.identification.moves_motors import CONTRADICTED, PLAINLY, left_by_motors, nothing_left
@@ -27,6 +27,7 @@ from service.identification.selection import (
     Selection,
     Trial,
     distance,
+    explained,
     gone,
     left,
     select,
@@ -179,11 +180,11 @@ def searched(
     first: Sequence[type[DrivenEffect]] = (),
     but: Sequence[type[DrivenEffect]] = (),
 ) -> Selection[Explained]:
-    """What is found in the library, `but` for some; with `first`, of which there is other evidence, begun with nothing
-    else and however little is missing."""
+    """What is found in the library, `but` for some, also of two effects that are found together only; with `first`, of
+    which there is other evidence, begun with nothing else and however little is missing."""
     held = {effect.name for effect in before.model.fitted.model.effects} | {kind.name for kind in but}
     library = tuple(kind for kind in DRIVEN.values() if kind.name not in held)
-    return selected(
+    found = selected(
         scene,
         before,
         lambda present, taken: propose(
@@ -192,6 +193,51 @@ def searched(
         tell,
         replace(limits, enough=0.0) if first else limits,
     )
+    if first or finding_of(found)[0] != "unknown":
+        return found
+    return in_company(scene, before, found, library, tell)
+
+
+def in_company(
+    scene: Scene,
+    before: Trial[Explained],
+    found: Selection[Explained],
+    library: Sequence[type[DrivenEffect]],
+    tell: Callable[[str], None],
+) -> Selection[Explained]:
+    """What was found, or two effects, where one alone explains nearly all, but with a chain that is damped as none is:
+    what it lacks beside it, such as a delay, has driven the chain there, and leads out of it again."""
+    near = [t for t in found.tried if only_overdamped(t) and all_but_gone(before, t)]
+    if not near:
+        return found
+    begun = min(near, key=distance)
+    name = begun.model.fitted.model.effects[-1].name
+    tell(f"{name} explains nearly all with {', '.join(begun.at_limits)} as no machine's: what is beside it")
+    beside = selected(
+        scene,
+        begun,
+        lambda present, taken: propose(scene, library, present, (name, *taken), tell),
+        tell,
+        replace(BEYOND, enough=0.0, most=1),
+    )
+    both = replace(
+        beside,
+        before=before,
+        effects=(name, *beside.effects),
+        candidates=found.candidates + beside.candidates,
+        tried=found.tried,
+    )
+    return both if beside.effects and finding_of(both)[0] == "effect" else found
+
+
+def only_overdamped(trial: Trial[Explained]) -> bool:
+    """Whether nothing but dampings of the chain stands where none is."""
+    return bool(trial.at_limits) and set(trial.at_limits) <= set(overdamped(trial.model.fitted))
+
+
+def all_but_gone(before: Trial[Explained], trial: Trial[Explained]) -> bool:
+    """Whether nearly all that is missing is gone, from the moves that were fitted and from the others."""
+    return explained(before, trial) and gone(before.train_rms, trial.train_rms, EXPLAINED)
 
 
 def selected(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -264,3 +265,58 @@ def test_what_swings_is_taken_where_nothing_else_is_found_with_which_the_motors_
     last = [] if taken else ["gearbox_clearance"]
     assert [c.effect for c in found.candidates] == ["sensor_gain", "hung_mass_mode", *last], "each once"
     assert found.candidates[1].p_value == (0.0 if taken else 1.0)
+
+
+@pytest.mark.parametrize(
+    ("limits", "left", "found", "effects"),
+    [
+        (("X1.gear_damping_ratio",), 1.7, "effect", ("asymmetric_friction", "sensor_latency")),
+        (("X1.gear_damping_ratio",), 1.7, "unknown", ()),
+        (("X1.gear_damping_ratio",), 3.0, "effect", ()),
+        (("X1.ripple_period",), 1.7, "effect", ()),
+        ((), 1.7, "effect", ()),
+    ],
+    ids=["two effects", "no explanation", "leaves too much", "no such effect", "refused otherwise"],
+)
+def test_what_explains_nearly_all_but_for_its_chain_is_searched_for_company(
+    monkeypatch: pytest.MonkeyPatch,
+    limits: tuple[str, ...],
+    left: float,
+    found: str,
+    effects: tuple[str, ...],
+) -> None:
+    """Friction that differs by direction, and a late sensor: what is late was described by a chain that is damped as
+    none is, so neither had its name."""
+
+    def named(name: str, train: float, held_out: float, at_limits: tuple[str, ...] = ()) -> Trial[Any]:
+        model = SimpleNamespace(model=SimpleNamespace(effects=(SimpleNamespace(name=name),)))
+        one = replace(trial(train, held_out), model=SimpleNamespace(fitted=model), at_limits=at_limits)
+        return replace(one, validation_blocks=np.full(5, held_out**2), independent=100.0)
+
+    before = named("dead_zone", 3.6, 6.6)
+    first = named("asymmetric_friction", 1.4, left, limits)
+    both = named("sensor_latency", 1.0, 1.0)
+    rejected = Candidate("asymmetric_friction", left, 1e-9, False, "only with a chain where none is")
+    taken = Candidate("sensor_latency", 1.0, 1e-9, True, "significant")
+    monkeypatch.setattr(axis_explain, "overdamped", lambda _found: ("X1.gear_damping_ratio",))
+    monkeypatch.setattr(axis_explain, "finding_of", lambda _selection: (found, ()))
+    asked: list[Any] = []
+
+    def selected(_scene: Any, begun: Trial[Any], proposed: Any, _tell: Any, limits: Any) -> Selection[Any]:
+        asked.append(limits)
+        assert begun is first
+        return Selection(begun, both, ("sensor_latency",), (taken,), ())
+
+    monkeypatch.setattr(axis_explain, "selected", selected)
+    alone: Selection[Any] = Selection(
+        before, before, (), (rejected,), (), tried=(first, named("c", 1.4, 2.5))
+    )
+    nothing: Any = None
+    out = axis_explain.in_company(nothing, before, alone, (), lambda _text: None)
+    assert out.effects == effects
+    if effects:
+        assert (out.before, out.after, out.tried) == (before, both, alone.tried)
+        assert out.candidates == (rejected, taken)
+        assert (asked[0].enough, asked[0].most) == (0.0, 1)
+    else:
+        assert out is alone
