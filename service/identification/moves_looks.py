@@ -105,9 +105,9 @@ def compared(
     they are not as near as a right one comes, a second time from more starts; once one explains nearly all, or what is
     known does, only those that are about as near; of all the nearest few. Where none is near, all are begun from afar,
     too. Where the present fit describes the moves, it is no bad start, and no other is tried; of many valleys the first
-    look tells little even there. Where they are out of reach, the first look is all; of further effects it is all of
-    each that is hardly nearer than the present fit."""
-    looks, seen, spared = all_glimpsed(scene, found, library, known, sparing)
+    look tells little even there. Where they are out of reach, the first look is all; of further effects, which have no
+    strong starts, it is all of each that is hardly nearer than the present fit."""
+    looks, seen, spared = all_glimpsed(scene, found, library, known, sparing, strong=not taken)
     least = min([known, *map(nearest, looks.values())])
     far = AS_NEAR * known if gone(found.rms, known, EXPLAINED) else max(FAR_OFF * least, NEAR)
     hopeful = [one for one in library if nearest(looks[one.name]) < far]
@@ -146,10 +146,10 @@ def as_near(least: float, present: float) -> float:
 
 
 def all_glimpsed(
-    scene: Scene, found: Fitted, library: Sequence[Candidate], known: float, sparing: bool
+    scene: Scene, found: Fitted, library: Sequence[Candidate], known: float, sparing: bool, strong: bool
 ) -> tuple[dict[str, list[Fitted]], set[str], list[Candidate]]:
     """Short fits of a few moves of every candidate, the names of those that were looked at already, and what was spared
-    its strong starts: the nearest come first, and once one describes the few moves, or something is `known` that
+    its `strong` starts: the nearest come first, and once one describes the few moves, or something is `known` that
     explains nearly all, the others are spared."""
     begun = {one.name: likely(scene, found, one) for one in library}
     looks = {one.name: glimpsed(found, one, begun[one.name]) for one in library}
@@ -157,9 +157,9 @@ def all_glimpsed(
     ranked = sorted(library, key=lambda one: nearest(looks[one.name]))
     for k, one in enumerate(ranked):
         if sparing and gone(few, known, EXPLAINED):
-            return looks, seen, [other for other in ranked[k:] if has_strong_starts(found, other)]
+            return looks, seen, [other for other in ranked[k:] if strong and has_strong_starts(found, other)]
         fits = looks[one.name]
-        if nearest(fits) > UNKNOWN_NUMBERS:
+        if strong and nearest(fits) > UNKNOWN_NUMBERS:
             fits = fits + strongly_glimpsed(scene, found, one, begun[one.name][0])
         if gone(few, nearest(fits), EXPLAINED):
             fits = looked_at(fits)

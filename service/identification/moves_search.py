@@ -253,7 +253,8 @@ def beside_likeness(
 ) -> dict[str, Trial[Explained]]:
     """Where the nearest of all is no such effect by its limits, the others that are nearer once they begin on the
     machine that it found, by name: a likeness of the right effect leads to the right machine, from which that one's own
-    starts were too far. A few moves say which of them explain anything there; these are fitted to all and ended."""
+    starts were too far. A few moves say which of them explain anything there; these are fitted to all, and ended where
+    they come nearer than the likeness."""
     best = min(trials.values(), key=distance)
     others = [c for c in tried if c.name != best.model.fitted.model.effects[-1].name]
     if not (best.at_limits and others):
@@ -267,7 +268,8 @@ def beside_likeness(
         again = carried(base, noted(brief, base.moves), FIRST_ROUNDS)
         if again.rms < SECOND * trials[name].train_rms:
             nearer = trial_of(scene, settled(again, ROUNDS))
-            nearer = ended(scene, nearer) if may_be_named(present, nearer) else nearer
+            if nearer.train_rms < best.train_rms and may_be_named(present, nearer):
+                nearer = ended(scene, nearer)
             out[name] = min((trials[name], nearer), key=distance)
     return out
 

@@ -70,7 +70,9 @@ def test_a_second_look_is_for_what_may_still_be_the_best(monkeypatch: Any) -> No
     second = 1.2
     fits = {name: [stub(rms, name)] for name, rms in (begun | nowhere).items()}
     monkeypatch.setattr(
-        moves_looks, "all_glimpsed", lambda _s, _f, of, *_: ({one.name: fits[one.name] for one in of}, (), [])
+        moves_looks,
+        "all_glimpsed",
+        lambda _s, _f, of, *_, **__: ({one.name: fits[one.name] for one in of}, (), []),
     )
     monkeypatch.setattr(
         moves_looks,
@@ -173,13 +175,20 @@ def test_once_one_describes_the_few_moves_the_others_have_no_strong_starts(
     monkeypatch.setattr(moves_looks, "looked_at", looked_at)
     library = [SimpleNamespace(name=name, effect=SimpleNamespace(many_valleys=False)) for name in glimpses]
     looks, seen, spared = moves_looks.all_glimpsed(
-        cast(Any, None), stub(10.0), cast(Any, library), known, sparing
+        cast(Any, None), stub(10.0), cast(Any, library), known, sparing, strong=True
     )
     assert (stronger, later, sorted(seen)) == (begun, looked, looked)
     assert [one.name for one in spared] == [name for name in ("right", "other", "far") if name not in begun]
     assert {name: len(fits) for name, fits in looks.items()} == {
         name: 1 if name in looked else 1 + (name in begun) for name in glimpses
     }
+    stronger.clear()
+    _, _, spared = moves_looks.all_glimpsed(
+        cast(Any, None), stub(10.0), cast(Any, library), known, sparing, strong=False
+    )
+    assert (stronger, spared) == ([], []), (
+        "a further effect has none: the first took its half of what was missing"
+    )
 
 
 @pytest.mark.parametrize(
@@ -192,7 +201,9 @@ def test_nothing_is_spared_that_would_have_no_strong_starts(
     monkeypatch.setattr(moves_looks, "likely", lambda *_: [{}])
     monkeypatch.setattr(moves_looks, "glimpsed", lambda *_: [stub(2.0)])
     one = SimpleNamespace(name="one", effect=SimpleNamespace(many_valleys=many_valleys))
-    _, _, left = moves_looks.all_glimpsed(cast(Any, None), stub(rms), cast(Any, [one]), 0.9, sparing=True)
+    _, _, left = moves_looks.all_glimpsed(
+        cast(Any, None), stub(rms), cast(Any, [one]), 0.9, sparing=True, strong=True
+    )
     assert len(left) == spared
 
 

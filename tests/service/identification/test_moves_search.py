@@ -186,11 +186,17 @@ def test_the_others_begin_on_the_machine_that_a_likeness_of_the_right_effect_fou
     monkeypatch.setattr(moves_search, "carried", lambda _base, brief, _rounds: replace_rms(brief, 1.0))
     monkeypatch.setattr(moves_search, "settled", lambda fitted, _rounds: fitted)
     monkeypatch.setattr(moves_search, "trial_of", lambda _scene, _fitted: right)
-    monkeypatch.setattr(moves_search, "ended", lambda _scene, one: one)
+    ended: list[Any] = []
+    monkeypatch.setattr(moves_search, "ended", lambda _scene, one: ended.append(one) or one)
     out = moves_search.beside_likeness(
         cast(Any, None), PRESENT, cast(Any, base), cast(Any, candidates), trials
     )
     assert out == ({"sensor_gain": right} if named else {})
+    assert ended == ([right] if named else [])
+    if named:
+        trials["transmission_ripple"].train_rms = 0.9
+        moves_search.beside_likeness(cast(Any, None), PRESENT, cast(Any, base), cast(Any, candidates), trials)
+        assert ended == [right], "what does not come nearer than its likeness is not ended"
     alone = cast(Any, candidates[-1:])
     assert moves_search.beside_likeness(cast(Any, None), PRESENT, cast(Any, base), alone, trials) == {}
 
