@@ -201,7 +201,7 @@ def swinging(
     """What of these `kinds` swings, begun at all frequencies and compared by samples and motors together: a mass that
     swings with its machine shows in the fitted moves hardly otherwise than a chain that is not the machine's, but what
     holds it back the motors feel. Of those that take `PART` of what a few moves and their motors show, and leave no
-    more of them than what may describe all, by name."""
+    more of these and then of all than what may describe them, by name."""
     base, out = before.model.fitted, dict[str, Trial[Explained]]()
     few = asked(base)
     present = left_at_present(few, base)
@@ -211,7 +211,9 @@ def swinging(
         best = fit(few, best.model, best.at, ROUNDS)
         tell(f"tried {candidate.name} at all frequencies: {best.rms_with_motors:.3f} (now {present:.3f})")
         if best.rms_with_motors < SOUND and gone(present, best.rms_with_motors, PART):
-            out[candidate.name] = trial_of(scene, settled(on_all_moves(base, (best,)), ROUNDS))
+            of_all = on_all_moves(base, (best,))
+            if of_all.rms < SOUND:
+                out[candidate.name] = trial_of(scene, settled(of_all, ROUNDS))
     return out
 
 

@@ -201,12 +201,16 @@ def test_what_few_moves_and_their_motors_speak_against_is_not_fitted_to_all(
     ]
 
 
-@pytest.mark.parametrize(("present", "body"), [(2.6, 2.2), (11.1, 2.5)], ids=["too little", "far from all"])
+@pytest.mark.parametrize(
+    ("present", "body", "of_all"),
+    [(2.6, 2.2, 0.9), (11.1, 2.5, 0.9), (11.1, 1.6, 3.2)],
+    ids=["too little", "far from a few", "far from all"],
+)
 def test_what_swings_is_fitted_to_all_moves_if_half_is_gone_with_it_and_little_left(
-    monkeypatch: pytest.MonkeyPatch, present: float, body: float
+    monkeypatch: pytest.MonkeyPatch, present: float, body: float, of_all: float
 ) -> None:
     """Of an RMS of 2.6 with the motors 0.9 is left with a mass on the carriage, 2.2 with a body under the axis; of 11,
-    2.5 with a body, which does not describe a few moves and does no better of all."""
+    2.5 with a body, which does not describe a few moves and does no better of all, or 1.6 of these and 3.2 of all."""
     best = {"hung_mass_mode": 0.9, "machine_body_mode": body}
     fitted: list[float] = []
 
@@ -225,16 +229,19 @@ def test_what_swings_is_fitted_to_all_moves_if_half_is_gone_with_it_and_little_l
     monkeypatch.setattr(moves_hidden, "put_back", lambda _found: {})
     monkeypatch.setattr(moves_hidden, "at_all_frequencies", at_all)
     monkeypatch.setattr(moves_hidden, "fit", fit)
-    monkeypatch.setattr(
-        moves_hidden, "on_all_moves", lambda _base, ones: fitted.append(ones[0].rms_with_motors)
-    )
+
+    def on_all_moves(_base: Any, ones: Any) -> Any:
+        fitted.append(ones[0].rms_with_motors)
+        return SimpleNamespace(rms=of_all if ones[0].rms_with_motors == body else 0.9)
+
+    monkeypatch.setattr(moves_hidden, "on_all_moves", on_all_moves)
     monkeypatch.setattr(moves_hidden, "settled", lambda one, _rounds: one)
     monkeypatch.setattr(moves_hidden, "trial_of", lambda _scene, _found: "tried")
     base = SimpleNamespace(model="declared", at=None)
     before: Trial[Any] = replace(trial(4.0), model=SimpleNamespace(fitted=base))
     told: list[str] = []
     assert swinging(cast(Any, None), before, (), told.append) == {"hung_mass_mode": "tried"}
-    assert fitted == [0.9]
+    assert fitted == ([0.9, body] if body < 2.0 else [0.9])
     assert len(told) == 2
 
 
