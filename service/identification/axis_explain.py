@@ -27,8 +27,8 @@ from service.identification.selection import (
     Selection,
     Trial,
     distance,
-    explained,
     gone,
+    gone_from_all,
     left,
     select,
     shown,
@@ -207,7 +207,7 @@ def in_company(
 ) -> Selection[Explained]:
     """What was found, or two effects, where one alone explains nearly all, but with a chain that is damped as none is:
     what it lacks beside it, such as a delay, has driven the chain there, and leads out of it again."""
-    near = [t for t in found.tried if only_overdamped(t) and all_but_gone(before, t)]
+    near = [t for t in found.tried if only_overdamped(t) and gone_from_all(before, t, EXPLAINED)]
     if not near:
         return found
     begun = min(near, key=distance)
@@ -233,11 +233,6 @@ def in_company(
 def only_overdamped(trial: Trial[Explained]) -> bool:
     """Whether nothing but dampings of the chain stands where none is."""
     return bool(trial.at_limits) and set(trial.at_limits) <= set(overdamped(trial.model.fitted))
-
-
-def all_but_gone(before: Trial[Explained], trial: Trial[Explained]) -> bool:
-    """Whether nearly all that is missing is gone, from the moves that were fitted and from the others."""
-    return explained(before, trial) and gone(before.train_rms, trial.train_rms, EXPLAINED)
 
 
 def selected(

@@ -33,6 +33,7 @@ from service.identification.selection import (
     distance,
     explained,
     gone,
+    gone_from_all,
     left,
     shown,
     sole_fit,
@@ -166,7 +167,7 @@ def _clear(selection: Selection[Explained], seen_at_rest: tuple[str, ...]) -> bo
     seen = shown(before) > SMALL
     if effects == seen_at_rest or (seen and _alone(selection)):
         return True
-    clearly = explained(before, after, CLEARLY) and gone(before.train_rms, after.train_rms, CLEARLY)
+    clearly = gone_from_all(before, after, CLEARLY)
     whole = len(effects) == 1 and clearly and (seen or after.validation_rms <= LEFT_BY_CLEAN)
     uncommon = not _common(selection) and (left(before) > SEARCHED or _reconciles_motors(selection))
     if uncommon and whole and not _common_comes_as_near(selection):

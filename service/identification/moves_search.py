@@ -73,6 +73,7 @@ from service.identification.selection import (
     Trial,
     distance,
     gone,
+    gone_from_all,
     shown,
 )
 
@@ -278,14 +279,7 @@ def describes_all(present: Trial[Explained], trial: Trial[Explained]) -> bool:
     """Whether a model describes the moves that were fitted and the others, or next to all that the present one leaves
     of both, with numbers that there are."""
     described = max(trial.train_rms, trial.validation_rms) <= DESCRIBED
-    wholly = all(
-        gone(before, after, WHOLLY)
-        for before, after in (
-            (present.train_rms, trial.train_rms),
-            (present.validation_rms, trial.validation_rms),
-        )
-    )
-    return (described or wholly) and not trial.at_limits
+    return (described or gone_from_all(present, trial, WHOLLY)) and not trial.at_limits
 
 
 def may_be_named(present: Trial[Explained], trial: Trial[Explained]) -> bool:

@@ -114,6 +114,11 @@ def explained(before: Trial[ModelT], after: Trial[ModelT], share: float = EXPLAI
     return gone(before.validation_rms, after.validation_rms, share)
 
 
+def gone_from_all(before: Trial[ModelT], after: Trial[ModelT], share: float) -> bool:
+    """Whether so large a share is gone from the moves that were fitted and from the held-out ones."""
+    return explained(before, after, share) and gone(before.train_rms, after.train_rms, share)
+
+
 def leads_on(first: Trial[ModelT], present: Trial[ModelT], taken: int, most: int) -> bool:
     """Whether what was taken may be the first of `most` effects that explain everything, the strongest first: of as
     many equal ones each explains as much of the excess variance, in the held-out moves and in those that were fitted,
