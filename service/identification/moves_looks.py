@@ -62,8 +62,7 @@ AS_NEAR = 4.0 / 3.0
 """How much farther from a few moves one may be and still be looked at again where the best explains nearly all
 (chosen)."""
 HOPES = 4
-"""How many effects are looked at again (chosen: of 50 right ones 43 were the nearest after the first look, and none
-behind the third)."""
+"""How many effects are looked at again (chosen: a right one is mostly the nearest after the first look)."""
 ENDED = 1.05
 """RMS up to which a fit need not be begun elsewhere."""
 VALLEYS = 4
