@@ -27,6 +27,7 @@ from service.identification.held_out import DESCRIBED, Explained, trial_of
 from service.identification.moves_end import (
     AS_WELL,
     HOPELESS,
+    RIDGE,
     SOUND,
     ended,
     led_on,
@@ -187,15 +188,20 @@ def propose(
 ) -> dict[str, Trial[Explained]]:
     """Every effect that is not in yet, fitted on all train moves; the best few fitted to the end. Of further effects
     none, where a few moves show that none explains what is left. What was spared its strong starts, for another effect
-    described a few moves, has them where that one does not describe all: it may have imitated the right one there."""
+    described a few moves, has them where that one does not describe all: it may have imitated the right one there; what
+    they lead no nearer to the few moves stays as it is."""
     base = on_sound_motion(present.model.fitted)
     tried = candidates(base.model, library, taken)
     coupled = {c.name: as_coupled(scene, base, c) for c in tried if scene.coupled and bridges(c)}
-    trials, spared = proposed(scene, present, base, tried, coupled, taken, tell)
+    known = min((f.rms for f in coupled.values()), default=np.inf)
+    brief, spared = compared(scene, base, tried, known, taken)
+    trials = proposed(scene, present, base, tried, brief, coupled, taken, tell)
     if not (trials and spared) or any(describes_all(present, trial) for trial in trials.values()):
         return trials
     tell("what describes a few moves does not describe the others: the other effects, from strong starts")
-    again, _ = proposed(scene, present, base, spared, {}, taken, tell, sparing=False)
+    strong, _ = compared(scene, base, spared, np.inf, taken, sparing=False)
+    nearer = [c for c in spared if strong[c.name][0].rms < RIDGE * brief[c.name][0].rms]
+    again = proposed(scene, present, base, nearer, strong, {}, taken, tell) if nearer else {}
     return trials | {name: min((trials.get(name, t), t), key=distance) for name, t in again.items()}
 
 
@@ -204,26 +210,25 @@ def proposed(
     present: Trial[Explained],
     base: Fitted,
     tried: Sequence[Candidate],
+    brief: Mapping[str, list[Brief]],
     coupled: Mapping[str, Fitted],
     taken: tuple[str, ...],
     tell: Callable[[str], None],
-    sparing: bool = True,
-) -> tuple[dict[str, Trial[Explained]], list[Candidate]]:
-    """The trials of these candidates by name, none where a few moves speak against all of them, and the candidates that
-    were spared their strong starts."""
+) -> dict[str, Trial[Explained]]:
+    """The trials of these candidates by name, from their `brief` fits of a few moves; none where those speak against
+    all of them."""
     found: dict[str, Fitted] = {}
-    known = min((f.rms for f in coupled.values()), default=np.inf)
-    brief, spared = compared(scene, base, tried, known, taken, sparing)
+    brief = {c.name: brief[c.name] for c in tried}
     least = min([f.rms for f in coupled.values()] + [fits[0].rms for fits in brief.values()])
     enough = min(BEHIND * least, enough_of_few(base, taken), worth_all_moves(base))
     if taken and (out_of_reach(least, base, taken) or least > enough):
-        return {}, spared
+        return {}
     if out_of_reach(least, base):
         ranked = sorted(brief, key=lambda name: brief[name][0].rms)[:PROMISING]
         return {
             name: trial_of(scene, refitted(base, brief[name], BEHIND * least)[0], thorough=False)
             for name in ranked
-        }, spared
+        }
     others: dict[str, list[Fitted]] = {}
     for name, fits in brief.items():
         first, *others[name] = refitted(base, fits, enough)
@@ -242,7 +247,7 @@ def proposed(
     trials = finished(scene, present, trials)
     trials = trials | beside_likeness(scene, present, base, tried, trials)
     best = min(tried, key=lambda c: distance(trials[c.name]))
-    return trials | {best.name: in_other_shapes(scene, base, best, trials[best.name])}, spared
+    return trials | {best.name: in_other_shapes(scene, base, best, trials[best.name])}
 
 
 def beside_likeness(

@@ -628,6 +628,8 @@ def test_other_shapes_of_friction_are_ended_where_an_ended_fit_describes_its_own
         ({"imitator": (1.0, 4.5, ())}, ["right"], [["imitator", "right"], ["right"]]),
         ({"imitator": (1.0, 1.1, ("number",))}, ["right"], [["imitator", "right"], ["right"]]),
         ({"imitator": (1.0, 1.1, ())}, ["right"], [["imitator", "right"]]),
+        ({"imitator": (1.0, 4.5, ())}, ["imitator", "right"], [["imitator", "right"], ["right"]]),
+        ({"imitator": (1.0, 4.5, ())}, ["imitator"], [["imitator", "right"]]),
         ({"imitator": (1.0, 4.5, ())}, [], [["imitator", "right"]]),
         ({}, ["right"], [["imitator", "right"]]),
     ],
@@ -635,6 +637,8 @@ def test_other_shapes_of_friction_are_ended_where_an_ended_fit_describes_its_own
         "describes only its own",
         "with no such number",
         "describes all",
+        "strong starts lead one no nearer",
+        "strong starts lead to nothing nearer",
         "nothing was spared",
         "nothing tried",
     ],
@@ -649,20 +653,21 @@ def test_what_was_spared_its_strong_starts_has_them_where_another_only_imitates_
     library = [SimpleNamespace(name=name) for name in ("imitator", "right")]
     rounds: list[list[str]] = []
 
-    def proposed(_scene: Any, _present: Any, _base: Any, tried: Any, *_: Any, sparing: bool = True) -> Any:
+    def compared(*_: Any, sparing: bool = True) -> Any:
+        by_strong = {"right": 1.0, "imitator": 1.0}
+        near = {"right": 1.9, "imitator": 1.0} if sparing else by_strong
+        brief = {name: [SimpleNamespace(rms=rms)] for name, rms in near.items()}
+        return brief, [one for one in library if one.name in spared] if sparing else []
+
+    def proposed(_scene: Any, _present: Any, _base: Any, tried: Any, brief: Any, *_: Any) -> Any:
         rounds.append([one.name for one in tried])
-        trials = {name: trial(*of) for name, of in first.items()} | {"right": trial(1.9, 6.0)}
-        return (
-            ({} if not first else trials, [one for one in library if one.name in spared])
-            if sparing
-            else (
-                {"right": trial(1.0, 1.05)},
-                [],
-            )
-        )
+        if len(rounds) > 1:
+            return {"right": trial(brief["right"][0].rms, 1.05)}
+        return {name: trial(*of) for name, of in first.items()} | {"right": trial(1.9, 6.0)} if first else {}
 
     monkeypatch.setattr(moves_search, "on_sound_motion", lambda found: found)
     monkeypatch.setattr(moves_search, "candidates", lambda *_: library)
+    monkeypatch.setattr(moves_search, "compared", compared)
     monkeypatch.setattr(moves_search, "proposed", proposed)
     scene, present = SimpleNamespace(coupled={}), trial(3.0, 6.0)
     present.model = SimpleNamespace(fitted=base)
