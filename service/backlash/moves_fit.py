@@ -34,6 +34,12 @@ LADDER = np.array([0.01, 0.1, 0.5, 2.0, 10.0, 1e3])
 """Dampings tried at once around the last good one."""
 OWN_LADDER = np.array([0.01, 0.7, 30.0])
 """The same of each move's own coordinates, which are few (chosen)."""
+EACH_LADDER = np.array([0.01, 0.2, 1.0, 30.0])
+"""The same around every move's last good one, where nothing else is fitted (chosen)."""
+STEPS_A_ROUND = 2
+"""A round of a fit is a step of all coordinates and one of every move's own."""
+OWN_FAR = 20.0
+"""How far a coordinate of a move may go from its prior's centre."""
 REST_PLACES = (0.0, -0.05, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0, 1.05)
 """Shares of the gap behind the driving flank at which the pinion may rest when a move begins."""
 CLOSE_PLACES = tuple(np.linspace(-0.05, 1.05, 45))
@@ -222,7 +228,7 @@ def moved(model: Model, at: Point, step: FloatArray, free: Free) -> Point:
     shared, local, first = at.shared.copy(), [], len(free)
     shared[free] = np.clip(shared[free] + step[: len(free)], *limits(model)[free].T)
     for own in at.local:
-        local.append(np.clip(own + step[first : first + own.size].reshape(own.shape), -20.0, 20.0))
+        local.append(np.clip(own + step[first : first + own.size].reshape(own.shape), -OWN_FAR, OWN_FAR))
         first += own.size
     return Point(shared, tuple(local))
 
@@ -244,8 +250,52 @@ def trials(moves: Sequence[Moves], model: Model, points: Sequence[Point]) -> Flo
 def damped(H: FloatArray, g: FloatArray, dampings: FloatArray) -> FloatArray:
     """Steps (…, dampings, n) from information (…, n, n) and gradient (…, n), of at most 2 in any coordinate."""
     raised = H[..., None, :, :] + dampings[:, None, None] * (H * np.eye(H.shape[-1]))[..., None, :, :]
-    steps = -np.linalg.solve(raised, np.broadcast_to(g[..., None, :, None], (*raised.shape[:-1], 1)))[..., 0]
+    return limited(np.linalg.solve(raised, np.broadcast_to(g[..., None, :, None], (*raised.shape[:-1], 1))))
+
+
+def limited(solved: NDArray[np.floating]) -> FloatArray:
+    """Steps (…, n) against what was solved for (…, n, 1), of at most 2 in any coordinate."""
+    steps = -solved[..., 0]
     return np.asarray(steps * np.minimum(1.0, 2.0 / np.max(np.abs(steps), axis=-1, keepdims=True)))
+
+
+def own_information(
+    part: Moves, model: Model, shared: FloatArray, own: FloatArray, here: FloatArray, scale: float
+) -> tuple[FloatArray, FloatArray]:
+    """Information (T, L, L) and gradient (T, L) of every move's own coordinates (T, L), its residuals `here` (N,)."""
+    L, begins = own.shape[1], part.ends[:-1]
+    lanes = np.tile(own, (L, 1, 1))
+    for j in range(L):
+        lanes[j, :, j] += DIFFERENCE
+    slopes = np.nan_to_num((misfits(part, model, np.tile(shared, (L, 1)), lanes) - here) / DIFFERENCE)
+    H = np.add.reduceat(slopes[:, None] * slopes, begins, axis=-1) / scale**2
+    g = np.add.reduceat(slopes * np.nan_to_num(here), begins, axis=-1) / scale**2
+    return np.moveaxis(H, -1, 0) + np.eye(L), g.T + own
+
+
+def own_step(
+    part: Moves,
+    model: Model,
+    shared: FloatArray,
+    own: FloatArray,
+    here: FloatArray,
+    scale: float,
+    dampings: FloatArray,
+) -> tuple[FloatArray, FloatArray, NDArray[np.int64], float]:
+    """One step of every move's own coordinates (T, L), with that of the `dampings` (D, T) which suits the move: the
+    coordinates and residuals (N,) then, which damping it was, -1 where none gained, and what was gained of cost."""
+    H, g = own_information(part, model, shared, own, here, scale)
+    raised = H + dampings[..., None, None] * (H * np.eye(H.shape[-1]))
+    tried = own + limited(np.linalg.solve(raised, np.broadcast_to(g, raised.shape[:-1])[..., None]))
+    tried = np.concatenate((own[None], np.clip(tried, -OWN_FAR, OWN_FAR)))
+    said = misfits(part, model, np.tile(shared, (len(dampings), 1)), tried[1:])
+    said = np.concatenate((here[None], said))
+    squares = np.add.reduceat(said**2, part.ends[:-1], axis=1) / scale**2 + np.sum(tried**2, axis=2)
+    squares = np.nan_to_num(squares, nan=np.inf)
+    best, every_move = np.argmin(squares, axis=0), np.arange(len(own))
+    gained = 0.5 * float(np.sum(squares[0] - squares[best, every_move]))
+    rows = said[np.repeat(best, np.diff(part.ends)), np.arange(part.ends[-1])]
+    return tried[best, every_move], rows, best - 1, gained
 
 
 def settle_locally(
@@ -255,30 +305,44 @@ def settle_locally(
 
     `known` and what is returned with the point are the residuals there (N,).
     """
-    L, local, rows, first = width(model), [], [], 0
-    for part, own in zip(moves, at.local, strict=True):
-        T = len(own)
-        ends = part.ends
-        here = known[first : first + ends[-1]]
-        lanes = np.tile(own, (L, 1, 1))
-        for j in range(L):
-            lanes[j, :, j] += DIFFERENCE
-        r = misfits(part, model, np.tile(at.shared, (L, 1)), lanes)
-        H, g = np.empty((T, L, L)), np.empty((T, L))
-        for t in range(T):
-            of = slice(ends[t], ends[t + 1])
-            J = np.nan_to_num((r[:, of] - here[of]).T / DIFFERENCE)
-            H[t] = J.T @ J / scale**2 + np.eye(L)
-            g[t] = J.T @ np.nan_to_num(here[of]) / scale**2 + own[t]
-        tried = own + np.swapaxes(damped(H, g, OWN_LADDER), 0, 1)
-        said = misfits(part, model, np.tile(at.shared, (len(tried), 1)), tried)
-        tried, said = np.concatenate((own[None], tried)), np.concatenate((here[None], said))
-        squares = np.add.reduceat(said**2, ends[:-1], axis=1) / scale**2 + np.sum(tried**2, axis=2)
-        best = np.argmin(np.nan_to_num(squares, nan=np.inf), axis=0)
-        local.append(tried[best, np.arange(T)])
-        rows.append(said[np.repeat(best, np.diff(ends)), np.arange(ends[-1])])
-        first += ends[-1]
+    local, rows = [], []
+    for part, own, here in zip(moves, at.local, of_recordings(moves, known), strict=True):
+        dampings = np.tile(OWN_LADDER[:, None], len(own))
+        own, here, _, _ = own_step(part, model, at.shared, own, here, scale, dampings)
+        local.append(own)
+        rows.append(here)
     return Point(at.shared, tuple(local)), np.concatenate(rows)
+
+
+def of_recordings(moves: Sequence[Moves], r: FloatArray) -> list[FloatArray]:
+    """Residuals (N,) of several recordings, those of each."""
+    return np.split(r, np.cumsum([part.ends[-1] for part in moves])[:-1])
+
+
+def fit_each(moves: Sequence[Moves], model: Model, at: Point, rounds: int, tolerance: float) -> Fitted:
+    """Levenberg-Marquardt of every move's own coordinates, the shared ones held, so that the moves are independent and
+    each has a damping of its own. As many steps as a fit of all takes in so many rounds; ends when one gains less than
+    `tolerance` of cost."""
+    at = within(model, at)
+    of_samples = np.concatenate([part.of_samples for part in moves])
+    with np.errstate(all="ignore"):
+        r = trials(moves, model, [at])[0]
+        dampings = [np.full(len(own), 0.1) for own in at.local]
+        for _ in range(STEPS_A_ROUND * rounds if np.all(np.isfinite(r)) else 0):
+            scale, gained = misfit_scale(r, of_samples), 0.0
+            local, rows = list(at.local), of_recordings(moves, r)
+            for k, part in enumerate(moves):
+                tried = dampings[k] * EACH_LADDER[:, None]
+                local[k], rows[k], which, gain = own_step(
+                    part, model, at.shared, local[k], rows[k], scale, tried
+                )
+                kept = tried[which, np.arange(len(which))]
+                dampings[k] = np.clip(np.where(which < 0, 100.0 * dampings[k], kept), 1e-6, 1e6)
+                gained += gain
+            at, r = Point(at.shared, tuple(local)), np.concatenate(rows)
+            if gained < tolerance:
+                break
+    return fitted(moves, model, at, r, np.zeros(0, dtype=np.int64), of_samples)
 
 
 def fit(
@@ -293,12 +357,14 @@ def fit(
     """Levenberg-Marquardt, several dampings at once; ends when a round gains less than `tolerance` of cost. What the
     motors say counts in the cost and is no part of the fit's residuals."""
     damping, free, at = 1e-2, every(model) if free is None else free, within(model, at)
+    if not len(free):
+        return fit_each(moves, model, at, rounds, tolerance)
     of_samples = np.concatenate([part.of_samples for part in moves])
     with np.errstate(all="ignore"):
         r = trials(moves, model, [at])[0]
         for _ in range(rounds if np.all(np.isfinite(r)) else 0):
             r, J = jacobian(moves, model, at, free, r)
-            scale = max(1.0, float(np.sqrt(np.mean(r[of_samples] ** 2))))
+            scale = misfit_scale(r, of_samples)
             H, g = J.normal(r)
             H, g = H / scale**2 + np.eye(len(H)), g / scale**2 + priors(at, free)
             held = np.flatnonzero(stopped(model, at, free, g))
@@ -318,6 +384,23 @@ def fit(
             at, r = settle_locally(moves, model, at, scale, r)
             if before - cost(at, r, scale, free) < tolerance and (gained or damping > 1e3):
                 break
+    return fitted(moves, model, at, r, free, of_samples)
+
+
+def misfit_scale(r: FloatArray, of_samples: NDArray[np.bool_]) -> float:
+    """What residuals are divided by beside the noise: the present misfit, where that is more."""
+    return max(1.0, float(np.sqrt(np.mean(r[of_samples] ** 2))))
+
+
+def fitted(
+    moves: Sequence[Moves],
+    model: Model,
+    at: Point,
+    r: FloatArray,
+    free: Free,
+    of_samples: NDArray[np.bool_],
+) -> Fitted:
+    """What a fit ends with, by its residuals (N,) of samples and motors."""
     r = np.nan_to_num(r, nan=OVERFLOWN)
     return Fitted(model, tuple(map(unasked, moves)), at, r[of_samples], free, r[~of_samples])
 
