@@ -128,7 +128,7 @@ def contradicted(
     its name if the other moves are described with it, too, or if nothing else is found that describes them better, and
     is a hint otherwise. Where they speak `plainly` this is asked for first, and nothing else if all moves and their
     motors are described with it, or nothing is left of those that were fitted and of their motors; nor what swings, if
-    the motors are described."""
+    the motors are described with this or with what else was found."""
     witnessed = as_heard_by_motors(before).validation_rms > 0.0
     first = hidden(scene, before, HIDDEN, len(DRIVEN), tell) if plainly and witnessed else None
     if (
@@ -140,7 +140,8 @@ def contradicted(
     beside = searched(scene, before, tell, LIMITS, but=HIDDEN if witnessed else ())
     if beside.effects and describes_motors(before, beside.after):
         return beside
-    if witnessed and not (first and first.effects and reconciled(before, first.after)):
+    told = [one for one in (first, beside) if one and one.effects and reconciled(before, one.after)]
+    if witnessed and not told:
         swung = selected(
             scene,
             before,

@@ -19,7 +19,7 @@ from service.identification.explanation import (
     Parameter,
     Prediction,
 )
-from service.identification.held_out import SEARCHED, SEEN_AT_REST, Explained, Held, rms
+from service.identification.held_out import SEARCHED, SEEN_AT_REST, Explained, Held, overdamped, rms
 from service.identification.moves_motors import CONTRADICTED, left_by_motors, plainly_against
 from service.identification.scene import Scene
 from service.identification.selection import (
@@ -138,15 +138,15 @@ def finding_of(
     What was `seen_at_rest`, beside all moves, is no impurity that a fit may imagine, and has its name where the moves
     that were fitted are described with it, however far from the others a chain is that is not known well. A model that
     leaves no more than `sound` may lack nothing, and one that leaves a little more only impurities, if nothing that is
-    tried in their place changes the backlash, and if its channels need not be apart in time, and no law that no such
-    effect has explains what is missing, and no other channel hints at it. What another channel is the witness of has
-    been judged by that.
+    tried in their place changes the backlash, and if its channels need not be apart in time nor its chain be damped as
+    none is, and no law that no such effect has explains what is missing, and no other channel hints at it. What another
+    channel is the witness of has been judged by that.
     """
     before, after, effects = selection.before, selection.after, selection.effects
     if effects and effects == selection.witnessed:
         return "effect", effects
     sound = max(sound, SMALL) if _undisputed(selection) else sound
-    sound_enough = _little(before) and left(after) <= sound and _in_time(before)
+    sound_enough = _little(before) and left(after) <= sound and _in_time(before) and _usual(before)
     of_library = not (selection.hinted or _of_no_library(selection))
     nothing: Finding = "none" if sound_enough and of_library else "unknown"
     if not effects or (_little(before) and _common_suffices(selection)):
@@ -350,6 +350,11 @@ def _in_time(trial: Trial[Explained]) -> bool:
     """Whether no channels need be apart in time for it, more than those of a measurement are."""
     found = trial.model.fitted
     return not any(apart_in_time(found, axis) for axis in range(len(found.model.axes)))
+
+
+def _usual(trial: Trial[Explained]) -> bool:
+    """Whether no chain need be damped for it as none is, or it leaves next to nothing."""
+    return left(trial) <= LEFT_BY_CLEAN or not overdamped(trial.model.fitted)
 
 
 def _report(one: Explained, axis: int) -> ErrorReport:

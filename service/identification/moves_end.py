@@ -195,11 +195,13 @@ def begun_by_speeds(found: Fitted) -> Fitted:
 def swung_in(found: Fitted) -> Fitted:
     """The fit continued, every move beginning as the move before it left what swings, as closely as the moves are
     described as well."""
-    closer = best = found
+    best = found
     for known in KNOWN if swings_at_all(found.model) else ():
-        moves, at = swinging_on(closer.moves, found.model, closer.at, min(known, how_known(found.moves)))
+        moves, at = swinging_on(best.moves, found.model, best.at, min(known, how_known(found.moves)))
         closer = fit(moves, found.model, at, ROUNDS)
-        best = closer if closer.rms < WORSE * found.rms else best
+        if closer.rms >= WORSE * found.rms:
+            break
+        best = closer
     return best
 
 

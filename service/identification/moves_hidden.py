@@ -26,7 +26,7 @@ from service.identification.moves_looks import VALLEYS, noted
 from service.identification.moves_lying import lying_as_left, pinions_lie
 from service.identification.moves_motors import CONTRADICTED, nothing_left, of_moves
 from service.identification.moves_ridges import NEARER, at_all_frequencies, put_back
-from service.identification.moves_search import AGAINST, FIRST_ROUNDS, carried
+from service.identification.moves_search import AGAINST, FIRST_ROUNDS, carried, describes_all, judged
 from service.identification.moves_starts import (
     BRIEF,
     ROUNDS,
@@ -155,18 +155,19 @@ def hidden(
     if not begun:
         return Selection(before, before, (), tuple(nothing_shown(before, one.name) for one in tried), ())
     present = jointly(replace(base, moves=unanswering(base.moves)))
-    nearest = on_all_moves(base, begun)
+    nearest = on_all_moves(base, begun, present)
     name, gain = nearest.model.effects[-1].name, Gain.of(present, nearest)
-    if gain.is_of(HINT):
-        nearest = otherwise_divided(nearest)
-        gain = Gain.of(present, nearest)
+    trial = trial_of(scene, nearest, thorough=gain.is_of(PART))
+    if gain.is_of(HINT) and not (nothing_left(nearest) and describes_all(before, trial)):
+        divided = otherwise_divided(nearest)
+        gain = Gain.of(present, divided)
+        trial = trial if divided is nearest else trial_of(scene, divided, thorough=gain.is_of(PART))
     tell(f"tried {name}: {gain.together[1]:.3f} with the motors (now {gain.together[0]:.3f})")
-    trial = trial_of(scene, nearest)
-    judged = judged_by_motors(name, gain, (before, trial), (heard, as_heard_by_motors(trial)), of_all)
-    names = (name,) if judged.accepted else ()
-    after = trial if judged.accepted else before
+    said = judged_by_motors(name, gain, (before, trial), (heard, as_heard_by_motors(trial)), of_all)
+    names = (name,) if said.accepted else ()
+    after = trial if said.accepted else before
     hinted = not names and gain.is_of(HINT) and heard.validation_rms > CONTRADICTED
-    return Selection(before, after, names, (judged,), (), witnessed=names, hinted=hinted)
+    return Selection(before, after, names, (said,), (), witnessed=names, hinted=hinted)
 
 
 def promising(scene: Scene, base: Fitted, candidate: DrivenCandidate) -> list[Fitted]:
@@ -177,17 +178,23 @@ def promising(scene: Scene, base: Fitted, candidate: DrivenCandidate) -> list[Fi
     return found[:VALLEYS]
 
 
-def on_all_moves(base: Fitted, begun: Sequence[Fitted]) -> Fitted:
+def on_all_moves(base: Fitted, begun: Sequence[Fitted], present: Fitted) -> Fitted:
     """The nearest to all moves and their motors of what was fitted to a few: at once, for the samples alone may lead
-    out of a valley that both have found, and of the nearest `LED` through their rests, or where no pinion lies, after
-    some rounds to the samples, too, until one describes all."""
+    out of a valley that both have found, and where that takes a `HINT` of what is left at `present`, of the nearest
+    `LED` that are about as near through their rests, or where no pinion lies, after some rounds to the samples, too,
+    until one describes all."""
 
     def carried_on(one: Fitted, rounds: int) -> Fitted:
         return jointly(carried(base, noted(one, base.moves), rounds))
 
-    at_once = [(carried_on(one, 0), one) for one in begun]
+    at_once = sorted(((carried_on(one, 0), one) for one in begun), key=lambda pair: pair[0].rms_with_motors)
+    nearest = at_once[0][0]
+    if not Gain.of(present, nearest).is_of(HINT):
+        return nearest
     out = list[Fitted]()
-    for now, one in sorted(at_once, key=lambda pair: pair[0].rms_with_motors)[:LED]:
+    for now, one in at_once[:LED]:
+        if now.rms_with_motors > AGAINST * nearest.rms_with_motors:
+            break
         for rounds in (0,) if pinions_lie(now.model) else (0, FIRST_ROUNDS):
             out.append(led_through_rests(carried_on(one, rounds) if rounds else now))
             if nothing_left(out[-1]):
@@ -211,9 +218,9 @@ def swinging(
         best = fit(few, best.model, best.at, ROUNDS)
         tell(f"tried {candidate.name} at all frequencies: {best.rms_with_motors:.3f} (now {present:.3f})")
         if best.rms_with_motors < SOUND and gone(present, best.rms_with_motors, PART):
-            of_all = on_all_moves(base, (best,))
+            of_all = on_all_moves(base, (best,), jointly(replace(base, moves=unanswering(base.moves))))
             if of_all.rms < SOUND:
-                out[candidate.name] = trial_of(scene, settled(of_all, ROUNDS))
+                out[candidate.name] = judged(scene, before, settled(of_all, ROUNDS))
     return out
 
 

@@ -13,7 +13,7 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 import numpy as np
 
 from service.backlash.moves import Moves
-from service.backlash.moves_begun import Values, shared_at
+from service.backlash.moves_begun import Values, point_at, shared_at
 from service.backlash.moves_fit import Fitted, Point, fit, limits, values_at
 from service.dynamics.driven_model import Model
 from service.identification.held_out import overdamped
@@ -45,6 +45,9 @@ FOLLOWED, LAST = 6, 2
 FREQUENCIES = np.geomspace(6.0, 120.0, 28)
 """At which an effect is begun that swings otherwise than found [Hz] (chosen: from twice as far off, a fit of few moves
 ends in another valley)."""
+GLIMPSE, NEAR_ONES = 2, 8
+"""Rounds after which only so many of these are continued (chosen: where the effect was a swinging one, the frequency
+that came nearest in the end was always among the first three then)."""
 NEARER = 0.99
 """How much nearer to a few moves another valley must be (chosen; all moves decide)."""
 
@@ -89,13 +92,19 @@ def swinging_otherwise(found: Fitted) -> Fitted:
 def at_all_frequencies(few: Sequence[Moves], model: Model, machine: Values) -> list[Fitted]:
     """Fits of a few moves that are begun with a machine of these values whose last effect swings at any frequency, as
     strong as it may well be; none if it does not swing. One frequency is as good as the next but near the right one,
-    and how near a fit comes from there its first rounds do not say."""
+    and what comes near from there is among the better third after two rounds."""
     effect = model.effects[-1]
     if effect.free_swing is None:
         return []
     frequency, strong = effect.free_swing[0], strong_of_one_sign(Candidate(effect, model))
-    shapes = ({**on_all_axes(effect, {frequency: float(hz)}), **strong} for hz in FREQUENCIES)
-    return [fit(few, model, begun_at(few, model, {**machine, **shape}), BRIEF) for shape in shapes]
+    held = np.zeros(0, dtype=np.int64)
+    fits = list[Fitted]()
+    for hz in FREQUENCIES:
+        values = {**machine, **on_all_axes(effect, {frequency: float(hz)}), **strong}
+        still = fit(few, model, point_at(model, values, few), GLIMPSE, free=held)
+        fits.append(fit(few, model, still.at, GLIMPSE))
+    near = sorted(fits, key=lambda f: f.rms_with_motors)[:NEAR_ONES]
+    return [fit(few, model, one.at, BRIEF - GLIMPSE) for one in near]
 
 
 def put_back(found: Fitted, too: Collection[str] = ()) -> Values:

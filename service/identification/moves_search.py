@@ -273,7 +273,7 @@ def beside_likeness(
         name = brief.model.effects[-1].name
         again = carried(base, noted(brief, base.moves), FIRST_ROUNDS)
         if again.rms < SECOND * trials[name].train_rms:
-            nearer = trial_of(scene, settled(again, ROUNDS))
+            nearer = judged(scene, present, settled(again, ROUNDS))
             if nearer.train_rms < best.train_rms and may_be_named(present, nearer):
                 nearer = ended(scene, nearer)
             out[name] = min((trials[name], nearer), key=distance)
@@ -331,7 +331,7 @@ def finished(
     for name in sorted(last, key=lambda name: swings_at_all(trials[name].model.fitted.model)):
         nearest = min((out[other].train_rms for other in done), default=np.inf)
         if nearest > ENDED or out[name].train_rms < BEHIND * nearest:
-            out[name] = trial_of(scene, settled(with_own_errors(out[name].model.fitted), ROUNDS))
+            out[name] = judged(scene, present, settled(with_own_errors(out[name].model.fitted), ROUNDS))
             done.append(name)
     name = min(done, key=lambda name: out[name].train_rms)
     if not plainly_against(present, out[name]):
@@ -347,6 +347,12 @@ def finished(
     if inner_suffices(closest, out):
         return out
     return out | {closest: to_the_end(scene, out[closest], DESCRIBED, AS_WELL)}
+
+
+def judged(scene: Scene, present: Trial[Explained], found: Fitted) -> Trial[Explained]:
+    """The trial of a fit, with the motors' motion in the held-out moves followed only where it may be named."""
+    brief = trial_of(scene, found, thorough=False)
+    return trial_of(scene, found) if may_be_named(present, brief) else brief
 
 
 def led_further(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
