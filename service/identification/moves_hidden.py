@@ -80,6 +80,11 @@ def jointly(found: Fitted) -> Fitted:
     return found
 
 
+def at_present(base: Fitted) -> Fitted:
+    """The present model fitted to the samples and its motors' equations of motion."""
+    return jointly(replace(base, moves=unanswering(base.moves)))
+
+
 def led_through_rests(found: Fitted) -> Fitted:
     """The fit, or the nearest of those that go on from it with every move begun where the one before leaves load and
     pinion by the numbers found so far: a move that is begun elsewhere draws the shared numbers after it, and by itself
@@ -154,7 +159,7 @@ def hidden(
     begun = [valley for candidate in tried for valley in promising(scene, base, candidate)]
     if not begun:
         return Selection(before, before, (), tuple(nothing_shown(before, one.name) for one in tried), ())
-    present = jointly(replace(base, moves=unanswering(base.moves)))
+    present = at_present(base)
     nearest = on_all_moves(base, begun, present)
     name, gain = nearest.model.effects[-1].name, Gain.of(present, nearest)
     trial = trial_of(scene, nearest, thorough=gain.is_of(PART))
@@ -218,7 +223,7 @@ def swinging(
         best = fit(few, best.model, best.at, ROUNDS)
         tell(f"tried {candidate.name} at all frequencies: {best.rms_with_motors:.3f} (now {present:.3f})")
         if best.rms_with_motors < SOUND and gone(present, best.rms_with_motors, PART):
-            of_all = on_all_moves(base, (best,), jointly(replace(base, moves=unanswering(base.moves))))
+            of_all = on_all_moves(base, (best,), at_present(base))
             if of_all.rms < SOUND:
                 out[candidate.name] = judged(scene, before, settled(of_all, ROUNDS))
     return out

@@ -14,7 +14,7 @@ from service.identification.selection import Selection, Trial
 
 
 def trial(train: float, held_out: float) -> Trial[Any]:
-    model = SimpleNamespace(axes=("X1",), parameters=())
+    model = SimpleNamespace(axes=("X1",), parameters=(), of_axis=())
     fitted = SimpleNamespace(model=model, at=SimpleNamespace(shared=()))
     return Trial(SimpleNamespace(fitted=fitted), train, held_out, np.ones(5), np.zeros(0), 100.0)
 
@@ -87,6 +87,24 @@ def test_impurities_are_no_finding_where_nothing_in_their_place_changes_the_back
     monkeypatch.setattr(axis_verdict, "backlash_of", lambda fitted, _axis: fitted.both)
     selection = Selection(before, before, (), (), (), tuple(tried))
     assert axis_verdict.finding_of(selection)[0] == found
+
+
+@pytest.mark.parametrize(
+    ("left", "damped", "found"),
+    [
+        (1.5, (), "none"),
+        (1.5, ("X1.gear_damping_ratio",), "unknown"),
+        (1.2, ("X1.gear_damping_ratio",), "none"),
+    ],
+)
+def test_a_chain_damped_as_none_is_is_no_impurity(
+    monkeypatch: pytest.MonkeyPatch, left: float, damped: tuple[str, ...], found: str
+) -> None:
+    """A drive's torque that slips left 1.3 of the noise with a gear that is damped as none is."""
+    before, other = trial(left, 1.6), trial(left - 0.1, 1.6)
+    monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: (50e-6, 1e-7))
+    monkeypatch.setattr(axis_verdict, "overdamped", lambda _fitted: damped)
+    assert axis_verdict.finding_of(Selection(before, before, (), (), (), (other,)))[0] == found
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
 from service.backlash.expected_errors import WAYS, expected_errors, speed_errors, wander_of
 from service.backlash.moves import (
@@ -46,7 +47,7 @@ from service.dynamics.effects.driven_library import DRIVEN
 from service.identification.held_out import told_by_train
 from service.identification.moves_end import steady
 from service.identification.scene import smeared
-from service.recording import Recording, Trace
+from service.recording import FloatArray, Recording, Trace
 from tests.service.identification.with_a_clearance import with_a_clearance
 
 
@@ -226,6 +227,27 @@ def test_each_move_is_settled_by_itself(found: Fitted) -> None:
     errors = np.where(moves.used, (moves.measured - said) / moves.noise[:, None], 0.0)
     per_move = np.sqrt(np.mean(errors**2, axis=(1, 2)))
     assert per_move[3] < 1.5 * np.median(per_move)
+
+
+def test_without_shared_coordinates_every_move_is_fitted_by_itself(found: Fitted) -> None:
+    """Moves begun wrong by different amounts, none by so much that it would be on another flank, each end where an
+    optimizer of another kind finds no better place for its coordinates."""
+    moves, held = found.moves[0], np.zeros(0, dtype=np.int64)
+    local = found.at.local[0] + np.linspace(-0.3, 0.3, len(moves.grids))[:, None]
+    out = fit(found.moves, found.model, replace(found.at, local=(local,)), 12, free=held, tolerance=1e-3)
+    np.testing.assert_array_equal(out.at.shared, found.at.shared)
+    scale = max(1.0, out.rms)
+
+    def cost(own: FloatArray, t: int) -> float:
+        tried = out.at.local[0].copy()
+        tried[t] = own
+        r = residuals(moves, predict(moves, found.model, out.at.shared[None], tried[None]))[0]
+        return 0.5 * float(np.sum(r**2) / scale**2 + np.sum(own**2))
+
+    for t in (2, 3):
+        here = out.at.local[0][t]
+        better = minimize(cost, here, args=(t,), method="Nelder-Mead", options={"maxfev": 80})
+        assert cost(here, t) - float(better.fun) < 0.05
 
 
 def test_the_better_start_is_kept_for_every_move(found: Fitted) -> None:

@@ -147,12 +147,19 @@ def test_a_gain_that_few_samples_show_is_chance(monkeypatch: pytest.MonkeyPatch)
 
 
 @pytest.mark.parametrize(
-    ("nearest", "names", "hinted"), [(1.2, ("gearbox_clearance",), False), (2.4, (), True), (2.9, (), False)]
+    ("nearest", "described", "names", "hinted"),
+    [
+        (1.2, False, ("gearbox_clearance",), False),
+        (1.2, True, ("gearbox_clearance",), False),
+        (2.4, False, (), True),
+        (2.9, False, (), False),
+    ],
 )
 def test_less_than_half_is_a_hint_and_next_to_nothing_none(
-    monkeypatch: pytest.MonkeyPatch, nearest: float, names: tuple[str, ...], hinted: bool
+    monkeypatch: pytest.MonkeyPatch, nearest: float, described: bool, names: tuple[str, ...], hinted: bool
 ) -> None:
-    """Of the fits in the best valleys the one counts that is nearest to samples and motors."""
+    """Of the fits in the best valleys the one counts that is nearest to samples and motors. Its play is otherwise
+    divided unless all moves are described with it."""
     effect = SimpleNamespace(name="gearbox_clearance")
 
     def one(rms: float, *effects: Any) -> Any:
@@ -167,22 +174,24 @@ def test_less_than_half_is_a_hint_and_next_to_nothing_none(
     monkeypatch.setattr(moves_hidden, "as_heard_by_motors", as_heard)
     monkeypatch.setattr(moves_hidden, "candidates", lambda *_: [effect])
     monkeypatch.setattr(moves_hidden, "promising", lambda *_: fits)
-    monkeypatch.setattr(moves_hidden, "on_all_moves", lambda _base, fits: fits[-1])
-    monkeypatch.setattr(moves_hidden, "jointly", lambda found: found)
+    monkeypatch.setattr(moves_hidden, "on_all_moves", lambda _base, fits, _present: fits[-1])
+    monkeypatch.setattr(moves_hidden, "at_present", lambda found: found)
+    monkeypatch.setattr(moves_hidden, "nothing_left", lambda _found: described)
+    monkeypatch.setattr(moves_hidden, "describes_all", lambda _before, _trial: described)
     divided: list[float] = []
     monkeypatch.setattr(
         moves_hidden, "otherwise_divided", lambda found: divided.append(found.rms_with_motors) or found
     )
-    monkeypatch.setattr(moves_hidden, "replace", lambda found, **_: found)
     monkeypatch.setattr(moves_hidden, "closed", lambda _fitted: ())
-    monkeypatch.setattr(moves_hidden, "trial_of", lambda _scene, _found: trial(1.5))
+    monkeypatch.setattr(moves_hidden, "trial_of", lambda _scene, _found, thorough: trial(1.5))
     told: list[str] = []
     found = hidden(cast(Any, None), before, HIDDEN, 20, told.append)
     assert (found.effects, found.witnessed, found.hinted) == (names, names, hinted)
     assert len(found.candidates) == 1
     assert (found.after is before) is (not names)
     assert len(told) == 1
-    assert divided == [nearest] * (bool(names) or hinted), "what is next to nothing is not worth the time"
+    worth_it = (bool(names) or hinted) and not described
+    assert divided == [nearest] * worth_it, "what is next to nothing is not worth the time"
 
 
 def test_what_few_moves_and_their_motors_speak_against_is_not_fitted_to_all(
@@ -230,13 +239,14 @@ def test_what_swings_is_fitted_to_all_moves_if_half_is_gone_with_it_and_little_l
     monkeypatch.setattr(moves_hidden, "at_all_frequencies", at_all)
     monkeypatch.setattr(moves_hidden, "fit", fit)
 
-    def on_all_moves(_base: Any, ones: Any) -> Any:
+    def on_all_moves(_base: Any, ones: Any, _present: Any) -> Any:
         fitted.append(ones[0].rms_with_motors)
         return SimpleNamespace(rms=of_all if ones[0].rms_with_motors == body else 0.9)
 
     monkeypatch.setattr(moves_hidden, "on_all_moves", on_all_moves)
+    monkeypatch.setattr(moves_hidden, "at_present", lambda found: found)
     monkeypatch.setattr(moves_hidden, "settled", lambda one, _rounds: one)
-    monkeypatch.setattr(moves_hidden, "trial_of", lambda _scene, _found: "tried")
+    monkeypatch.setattr(moves_hidden, "judged", lambda _scene, _before, _found: "tried")
     base = SimpleNamespace(model="declared", at=None)
     before: Trial[Any] = replace(trial(4.0), model=SimpleNamespace(fitted=base))
     told: list[str] = []
@@ -273,10 +283,17 @@ def test_a_valley_of_what_swings_is_carried_to_all_moves_with_and_without_sample
     monkeypatch.setattr(moves_hidden, "jointly", lambda rounds: two_gaps(0.0, 0.0, ends[rounds]))
     monkeypatch.setattr(moves_hidden, "led_through_rests", lambda found: found)
     base: Any = SimpleNamespace(moves=())
-    assert moves_hidden.on_all_moves(base, [two_gaps(0.0, 0.0)]).rms_with_motors == reached
+    assert moves_hidden.on_all_moves(base, [two_gaps(0.0, 0.0)], loud()).rms_with_motors == reached
 
 
-def test_of_many_valleys_the_nearest_to_all_moves_are_followed(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("second", "of_present", "followed"),
+    [(1.6, 6.0, [1.5, 1.6]), (2.0, 6.0, [1.5]), (1.6, 1.6, [])],
+    ids=["two about as near", "one nearest", "none takes a part of what is left"],
+)
+def test_of_many_valleys_the_nearest_to_all_moves_are_followed(
+    monkeypatch: pytest.MonkeyPatch, second: float, of_present: float, followed: list[float]
+) -> None:
     monkeypatch.setattr(moves_hidden, "pinions_lie", lambda _model: True)
     monkeypatch.setattr(moves_hidden, "noted", lambda found, _moves: found)
     monkeypatch.setattr(moves_hidden, "carried", lambda _base, one, rounds: (one.rms_with_motors, rounds))
@@ -286,9 +303,9 @@ def test_of_many_valleys_the_nearest_to_all_moves_are_followed(monkeypatch: pyte
         moves_hidden, "led_through_rests", lambda found: led.append(found.rms_with_motors) or found
     )
     base: Any = SimpleNamespace(moves=())
-    begun = [two_gaps(0.0, 0.0, rms) for rms in (2.0, 3.0, 1.5, 4.0)]
-    assert moves_hidden.on_all_moves(base, begun).rms_with_motors == 1.5
-    assert led == [1.5, 2.0]
+    begun = [two_gaps(0.0, 0.0, rms) for rms in (second, 3.0, 1.5, 4.0)]
+    assert moves_hidden.on_all_moves(base, begun, loud(of_present)).rms_with_motors == 1.5
+    assert led == followed
 
 
 def test_a_valley_that_describes_samples_and_motors_is_carried_once(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -299,7 +316,7 @@ def test_a_valley_that_describes_samples_and_motors_is_carried_once(monkeypatch:
     monkeypatch.setattr(moves_hidden, "jointly", lambda _begun: two_gaps(0.0, 0.0, 1.0))
     monkeypatch.setattr(moves_hidden, "led_through_rests", lambda found: found)
     base: Any = SimpleNamespace(moves=())
-    assert moves_hidden.on_all_moves(base, [two_gaps(0.0, 0.0)]).rms_with_motors == 1.0
+    assert moves_hidden.on_all_moves(base, [two_gaps(0.0, 0.0)], loud()).rms_with_motors == 1.0
     assert carried == [0]
 
 
@@ -351,6 +368,13 @@ def two_gaps(backlash: float, clearance: float, rms: float = 2.0, contact: float
     model = SimpleNamespace(axes=("X1",), lumps=2)
     at = SimpleNamespace(shared=np.zeros(len(values)))
     return SimpleNamespace(values=values, model=model, at=at, rms_with_motors=rms, motors=np.ones(3))
+
+
+def loud(rms: float = 6.0) -> Any:
+    """The model without them, whose motors leave as much."""
+    found = two_gaps(0.0, 0.0, rms)
+    found.motors = np.full(3, rms)
+    return found
 
 
 @pytest.mark.parametrize(("contact", "chains"), [(1e6, 1), (5e6, 2)])

@@ -154,9 +154,23 @@ def test_what_does_not_swing_is_not_looked_for_at_other_frequencies(found: Fitte
 def test_every_frequency_is_begun_with_as_strong_as_it_may_well_be(monkeypatch: Any, found: Fitted) -> None:
     model = replace(found.model, effects=(*found.model.effects, DrivenHungMass(("X1",))))
     begun: list[dict[str, float]] = []
-    monkeypatch.setattr(moves_ridges, "begun_at", lambda _few, _model, values: begun.append(values))
-    monkeypatch.setattr(moves_ridges, "fit", lambda *_: found)
-    at_all_frequencies(found.moves, model, {"X1.gear_mass": 0.2, "X1.hung_ratio": 1e-4})
+    continued: list[float] = []
+
+    def fit(_few: Any, _model: Any, at: Any, rounds: int, *, free: Any = None) -> Any:
+        """The nearer the further from 20 Hz they are begun."""
+        if free is None and rounds == moves_ridges.BRIEF - moves_ridges.GLIMPSE:
+            continued.append(at)
+        return SimpleNamespace(at=at, rms_with_motors=1.0 / abs(np.log(at / 20.0)))
+
+    def point_at(_model: Any, values: dict[str, float], _few: Any) -> float:
+        begun.append(values)
+        return values["X1.hung_frequency"]
+
+    monkeypatch.setattr(moves_ridges, "point_at", point_at)
+    monkeypatch.setattr(moves_ridges, "fit", fit)
+    fits = at_all_frequencies(found.moves, model, {"X1.gear_mass": 0.2, "X1.hung_ratio": 1e-4})
+    assert [one.at for one in fits] == continued
+    assert len(continued) == 8 and all(hz < 6.5 or hz > 60.0 for hz in continued)
     ratio = next(p for p in model.parameters if p.name == "X1.hung_ratio")
     assert {(one["X1.gear_mass"], one["X1.hung_ratio"]) for one in begun} == {(0.2, ratio.spread)}
     frequencies = [one["X1.hung_frequency"] for one in begun]

@@ -68,7 +68,7 @@ def test_all_finalists_that_are_near_are_ended_before_one_is_chosen(monkeypatch:
     monkeypatch.setattr(moves_search, "with_own_errors", lambda fitted: fitted)
     monkeypatch.setattr(moves_search, "settled", lambda fitted, _rounds: fitted)
     monkeypatch.setattr(moves_search, "led_on", lambda fitted: fitted)
-    monkeypatch.setattr(moves_search, "trial_of", lambda _scene, fitted: trials[fitted.model.name])
+    monkeypatch.setattr(moves_search, "trial_of", lambda _scene, fitted, **_: trials[fitted.model.name])
     monkeypatch.setattr(moves_search, "inner_suffices", lambda *_: False)
     asked: list[tuple[str, float]] = []
 
@@ -114,7 +114,7 @@ def test_where_none_is_anywhere_near_the_nearest_alone_is_settled(
     monkeypatch.setattr(moves_search, "with_own_errors", lambda fitted: asked.append(fitted.name) or fitted)
     monkeypatch.setattr(moves_search, "settled", lambda fitted, _rounds: fitted)
     monkeypatch.setattr(moves_search, "led_on", lambda fitted: fitted)
-    monkeypatch.setattr(moves_search, "trial_of", lambda _scene, fitted: trials[fitted.name])
+    monkeypatch.setattr(moves_search, "trial_of", lambda _scene, fitted, **_: trials[fitted.name])
     monkeypatch.setattr(moves_search, "inner_suffices", lambda *_: False)
     monkeypatch.setattr(moves_search, "to_the_end", lambda _scene, one, *_: one)
     moves_search.finished(cast(Any, None), PRESENT, cast(Any, trials))
@@ -143,7 +143,7 @@ def test_the_nearest_that_is_led_on_is_judged_by_where_it_ended(monkeypatch: Any
         return further.model.fitted
 
     monkeypatch.setattr(moves_search, "led_on", led_on)
-    monkeypatch.setattr(moves_search, "trial_of", lambda _scene, fitted: by_name[fitted.name])
+    monkeypatch.setattr(moves_search, "trial_of", lambda _scene, fitted, **_: by_name[fitted.name])
     monkeypatch.setattr(moves_search, "inner_suffices", lambda *_: False)
     ended: list[Any] = []
     monkeypatch.setattr(moves_search, "to_the_end", lambda _scene, one, *_: ended.append(one) or one)
@@ -185,7 +185,7 @@ def test_the_others_begin_on_the_machine_that_a_likeness_of_the_right_effect_fou
     monkeypatch.setattr(moves_search, "noted", lambda brief, _moves: brief)
     monkeypatch.setattr(moves_search, "carried", lambda _base, brief, _rounds: replace_rms(brief, 1.0))
     monkeypatch.setattr(moves_search, "settled", lambda fitted, _rounds: fitted)
-    monkeypatch.setattr(moves_search, "trial_of", lambda _scene, _fitted: right)
+    monkeypatch.setattr(moves_search, "trial_of", lambda _scene, _fitted, **_: right)
     ended: list[Any] = []
     monkeypatch.setattr(moves_search, "ended", lambda _scene, one: ended.append(one) or one)
     out = moves_search.beside_likeness(
@@ -232,7 +232,7 @@ def test_what_the_motors_speak_against_is_neither_led_on_nor_ended(monkeypatch: 
     monkeypatch.setattr(moves_search, "with_own_errors", lambda fitted: fitted)
     monkeypatch.setattr(moves_search, "settled", lambda fitted, _rounds: fitted)
     monkeypatch.setattr(moves_search, "led_on", lambda fitted: done.append("led") or fitted)
-    monkeypatch.setattr(moves_search, "trial_of", lambda _scene, _fitted: trial)
+    monkeypatch.setattr(moves_search, "trial_of", lambda _scene, _fitted, **_: trial)
     monkeypatch.setattr(
         moves_search, "to_the_end", lambda _scene, one, near=2.0, *_: done.append(str(near)) or one
     )
@@ -676,3 +676,19 @@ def test_what_was_spared_its_strong_starts_has_them_where_another_only_imitates_
     if first:
         assert trials["right"].train_rms == (1.0 if len(asked) == 2 else 1.9)
         assert trials["imitator"].train_rms == 1.0
+
+
+@pytest.mark.parametrize(("may_be_named", "asked"), [(True, [False, True]), (False, [False])])
+def test_the_motors_of_held_out_moves_are_followed_only_for_what_may_be_named(
+    monkeypatch: Any, may_be_named: bool, asked: list[bool]
+) -> None:
+    followed: list[bool] = []
+
+    def trial_of(_scene: Any, _found: Any, thorough: bool = True) -> int:
+        followed.append(thorough)
+        return len(followed)
+
+    monkeypatch.setattr(moves_search, "trial_of", trial_of)
+    monkeypatch.setattr(moves_search, "may_be_named", lambda *_: may_be_named)
+    trial = moves_search.judged(cast(Any, None), cast(Any, None), cast(Any, None))
+    assert (followed, trial) == (asked, len(asked))
