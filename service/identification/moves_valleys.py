@@ -62,9 +62,9 @@ QUICK = 2
 """Rounds after which the worse half of the new fits is given up."""
 
 
-def valleys(scene: Scene, found: Fitted, candidate: Candidate) -> list[Fitted]:
+def valleys(scene: Scene, found: Fitted, candidate: Candidate, seed: int = SEED) -> list[Fitted]:
     """The best fits of a few moves, each in a valley of its own, the best first; only one where none is promising."""
-    rng = np.random.default_rng(SEED)
+    rng = np.random.default_rng(seed)
     few = asked(found)
     own = widened((own_of_few(found),), candidate.model)[0]
     where = places_of_loads(few[0], found.model, found.at.shared, own_of_few(found))

@@ -261,10 +261,36 @@ def test_a_valley_is_promising_if_it_takes_a_part_of_what_is_left(monkeypatch: p
     monkeypatch.setattr(moves_hidden, "left_at_present", lambda _few, _found: 2.0)
     valleys = [two_gaps(0.0, 0.0, rms) for rms in (1.1, 1.2, 1.3, 1.4, 1.66, 1.69)]
     monkeypatch.setattr(moves_hidden, "valleys", lambda *_: valleys)
-    base: Any = SimpleNamespace(model=None, at=None)
+    base: Any = SimpleNamespace(model=None, at=None, rms=3.0)
     assert promising(cast(Any, None), base, cast(Any, None)) == valleys[:4]
     monkeypatch.setattr(moves_hidden, "valleys", lambda *_: valleys[3:])
     assert promising(cast(Any, None), base, cast(Any, None)) == valleys[3:5]
+
+
+@pytest.mark.parametrize(
+    ("rms", "first", "searches"),
+    [(1.1, 1.75, 2), (1.1, 1.6, 1), (1.1, 1.95, 1), (3.0, 1.75, 1)],
+    ids=["none promising", "one promising", "not worth following", "samples not described"],
+)
+def test_where_only_the_motors_are_not_described_valleys_are_searched_again(
+    monkeypatch: pytest.MonkeyPatch, rms: float, first: float, searches: int
+) -> None:
+    """Of an RMS of 2 an RMS of 1.75 takes a third, which is worth following, and 1.6 two fifths or more."""
+    monkeypatch.setattr(moves_hidden, "asked", lambda _found: ())
+    monkeypatch.setattr(moves_hidden, "left_at_present", lambda _few, _found: 2.0)
+    seeds: list[int] = []
+
+    def valleys(_scene: Any, _base: Any, _candidate: Any, seed: int) -> list[Any]:
+        seeds.append(seed)
+        return [two_gaps(0.0, 0.0, first if len(seeds) == 1 else 1.2)]
+
+    monkeypatch.setattr(moves_hidden, "valleys", valleys)
+    base: Any = SimpleNamespace(model=None, at=None, rms=rms)
+    found = promising(cast(Any, None), base, cast(Any, None))
+    assert len(seeds) == len(set(seeds)) == searches
+    assert [one.rms_with_motors for one in found] == (
+        [1.2] if searches == 2 else [1.6] if first == 1.6 else []
+    )
 
 
 @pytest.mark.parametrize(
