@@ -291,11 +291,13 @@ def _of(selection: Selection[Explained], trial: Trial[Explained]) -> Selection[E
 
 
 def _nothing_else_explains(selection: Selection[Explained]) -> bool:
-    """Whether one effect that is in no sound machine predicts all that is missing in the held-out moves, and nothing
-    else that was tried a part of it: impurities are explained in part by much."""
+    """Whether one effect that is in no sound machine predicts all that is missing in the held-out moves, or leaves
+    nothing that would be searched for, and nothing else that was tried predicts a part of it: impurities are explained
+    in part by much."""
     before, after, effects = selection.before, selection.after, selection.effects
     others = [t for t in selection.tried if t.model.fitted.model.effects[-1].name not in effects]
-    whole = max(after.train_rms, after.validation_rms) <= LEFT_BY_CLEAN and explained(before, after, WHOLLY)
+    predicted = explained(before, after, WHOLLY) or shown(after) <= SEARCHED
+    whole = max(after.train_rms, after.validation_rms) <= LEFT_BY_CLEAN and predicted
     if _common(selection) or not whole or before.validation_rms <= UNKNOWN_NUMBERS:
         return False
     return bool(others) and not any(explained(before, other, PART) for other in others)

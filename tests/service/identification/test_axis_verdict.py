@@ -234,6 +234,7 @@ def test_what_no_fitted_sample_shows_is_a_finding_if_the_motors_contradict_the_m
     ("held_out", "left", "other", "name", "found"),
     [
         (1.8, 0.99, 1.6, "curved_friction", "effect"),
+        (1.8, 1.06, 1.6, "curved_friction", "effect"),
         (1.8, 0.99, 1.4, "curved_friction", "none"),
         (1.8, 1.15, 1.6, "curved_friction", "none"),
         (1.25, 0.99, 1.24, "curved_friction", "none"),
