@@ -15,8 +15,10 @@ from service.dynamics.driven_model import LINKS
 from service.identification.held_out import DESCRIBED, NEAR, Explained, overdamped, trial_of
 from service.identification.moves_looks import ENDED, FROM_AFAR
 from service.identification.moves_rests import (
+    AT_FIRST,
     KNOWN,
     WORSE,
+    at_near_frequencies,
     begun_as_left,
     how_known,
     swinging_on,
@@ -36,6 +38,8 @@ from service.identification.moves_starts import (
 from service.identification.scene import Scene
 from service.identification.selection import LEFT, UNKNOWN_NUMBERS, Trial
 
+CLOSE = KNOWN[-2]
+"""Share of its prior's width to which a swing is known that the move before is seen to have left."""
 BY_SETTLING = 0.5
 """Share of its RMS that a fit keeps when it is settled, below which others are settled beside it (chosen)."""
 MORE, GAIN = 3, 0.005
@@ -194,14 +198,25 @@ def begun_by_speeds(found: Fitted) -> Fitted:
 
 def swung_in(found: Fitted) -> Fitted:
     """The fit continued, every move beginning as the move before it left what swings, as closely as the moves are
-    described as well."""
-    best = found
-    for known in KNOWN if swings_at_all(found.model) else ():
-        moves, at = swinging_on(best.moves, found.model, best.at, min(known, how_known(found.moves)))
+    described as well. Where that is not close, though the moves are described, the first of those that swing at a
+    frequency close by and are: on the way to where all moves agree a fit stops at many places."""
+    best = tied(found, found.at, KNOWN)
+    if swings_at_all(found.model) and how_known(best.moves) > CLOSE and best.rms < DESCRIBED:
+        for at in at_near_frequencies(found):
+            other = tied(found, at, (AT_FIRST, *KNOWN[:-1], *KNOWN[-2:]))
+            if how_known(other.moves) <= CLOSE:
+                return other
+    return best
+
+
+def tied(found: Fitted, at: Point, steps: Sequence[float]) -> Fitted:
+    """The fit continued from a point with its moves tied to those before them, ever closer by these steps: the closest
+    that is about as near, or itself."""
+    closer, best = replace(found, at=at), found
+    for known in steps if swings_at_all(found.model) else ():
+        moves, at = swinging_on(closer.moves, found.model, closer.at, min(known, how_known(found.moves)))
         closer = fit(moves, found.model, at, ROUNDS)
-        if closer.rms >= WORSE * found.rms:
-            break
-        best = closer
+        best = closer if closer.rms < WORSE * found.rms else best
     return best
 
 

@@ -31,6 +31,9 @@ AT_FIRST = 1.0
 TURNS, NEARER = 6, 0.98
 """How often a fit that is far off and what its moves leave take turns at most, and the RMS, over that of the turn
 before, from which on they have about agreed (chosen)."""
+CLOSE_BY, TRIED, FOLLOWED, APART = 0.03, 61, 3, 0.005
+"""Share of a frequency within which others are looked at, how many, how many of them are followed, and by what share
+they differ at least (chosen)."""
 WORSE = 1.02
 """How much farther from the moves they may be that begin as the moves before left them (chosen)."""
 
@@ -57,6 +60,44 @@ def swinging_on(
         parts.append(following)
         local.append(np.clip(moved, -20.0, 20.0))
     return tuple(parts), Point(at.shared, tuple(local))
+
+
+def at_near_frequencies(found: Fitted) -> list[Point]:
+    """Points of a fit with its last effect swinging at frequencies close by, those first at which the swings that the
+    moves leave arrive most like those with which the next ones begin: a move hardly tells them apart."""
+    effect, model = found.model.effects[-1], found.model
+    if effect.free_swing is None:
+        return []
+    which = [k for k, p in enumerate(model.parameters) if p.name.rpartition(".")[2] == effect.free_swing[0]]
+    tried = list[tuple[float, float, Point]]()
+    for share in np.linspace(-CLOSE_BY, CLOSE_BY, TRIED):
+        shared = found.at.shared.copy()
+        for k in which:
+            p = model.parameters[k]
+            shared[k] = float(p.internal(p.value(shared[k]) * (1.0 + share)))
+        tried.append((unlike_left(found, shared), float(share), Point(shared, found.at.local)))
+    out = list[tuple[float, Point]]()
+    for _, share, at in sorted(tried, key=lambda one: one[0]):
+        if all(abs(share - other) > APART for other, _ in out):
+            out.append((share, at))
+    return [at for _, at in out[:FOLLOWED]]
+
+
+def unlike_left(found: Fitted, shared: FloatArray) -> float:
+    """RMS over its prior's width by which what swings when moves begin differs from what the moves before leave with
+    such coordinates (P,); infinite where these run away."""
+    model, errors = found.model, list[FloatArray]()
+    values, changed = (model.complete(model.values(one[None])) for one in (found.at.shared, shared))
+    for part, own in zip(found.moves, found.at.local, strict=True):
+        before = left_over(part, model, values)
+        now = left_over(replace(part, swings=swings(part, model, shared, own, AT_FIRST)), model, changed)
+        width = part.swings.width if part.swings else 1.0
+        for j, p in enumerate(model.nuisance, 2 * len(model.axes)):
+            if p.name in now:
+                begun = width * own[:, j] + before.get(p.name, np.zeros((1, 1)))[0] / p.spread
+                errors.append((begun - now[p.name][0] / p.spread)[1:])
+    rms = float(np.sqrt(np.mean(np.concatenate(errors) ** 2))) if errors else np.inf
+    return rms if np.isfinite(rms) else np.inf
 
 
 def how_known(moves: Sequence[Moves]) -> float:
