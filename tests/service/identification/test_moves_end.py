@@ -305,3 +305,31 @@ def test_what_leaves_no_more_than_is_expected_is_led_over_no_further_ridge(
     monkeypatch.setattr(moves_end, "as_damped", lambda found: found)
     monkeypatch.setattr(moves_end, "over_ridges", lambda _found: stub(elsewhere))
     assert moves_end.steady(stub(1.2)).rms == ended
+
+
+@pytest.mark.parametrize(
+    ("rms", "known", "close_by", "reached"),
+    [
+        (1.0, 0.1, [0.1], "own"),
+        (1.0, 0.3, [0.3, 0.03], "second"),
+        (1.0, 0.3, [0.3, 0.3], "own"),
+        (1.3, 0.3, [0.1], "own"),
+    ],
+    ids=["is close", "another is", "none is", "not described"],
+)
+def test_what_is_not_tied_closely_swings_at_a_frequency_close_by(
+    monkeypatch: pytest.MonkeyPatch, rms: float, known: float, close_by: list[float], reached: str
+) -> None:
+    def one(name: str, known: float) -> Any:
+        return SimpleNamespace(name=name, moves=known, rms=rms, model=None, at="here")
+
+    others = {
+        k: one(name, how) for k, (name, how) in enumerate(zip(("first", "second"), close_by, strict=False))
+    }
+    monkeypatch.setattr(moves_end, "swings_at_all", lambda _model: True)
+    monkeypatch.setattr(moves_end, "how_known", lambda moves: moves)
+    monkeypatch.setattr(moves_end, "at_near_frequencies", lambda _found: list(others))
+    monkeypatch.setattr(
+        moves_end, "tied", lambda _found, at, _steps: one("own", known) if at == "here" else others[at]
+    )
+    assert cast(Any, moves_end.swung_in(one("found", 1.0))).name == reached

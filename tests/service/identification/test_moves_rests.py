@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from service.backlash.moves import Moves, moves_of, predict, simulated
+from service.backlash.moves import Moves, left_over, moves_of, predict, simulated
 from service.backlash.moves_begun import point_at
 from service.backlash.moves_fit import Fitted, Point, every, resting
 from service.captures import read_capture
@@ -24,7 +24,7 @@ from service.dynamics.effects.driven_sensors import DrivenBias, DrivenGain
 from service.dynamics.effects.driven_transmission import DrivenClearance, DrivenLocalBacklash, DrivenPreload
 from service.identification import held_out
 from service.identification.held_out import no_such_effect, too_heavy
-from service.identification.moves_rests import KNOWN, swinging_on
+from service.identification.moves_rests import KNOWN, at_near_frequencies, swinging_on
 from tests.service.identification.a_machine import MACHINE
 
 
@@ -79,6 +79,30 @@ def test_moves_begin_as_before_when_what_is_left_is_told(
         states.append(predict(told, model, at.shared[None], at.local[0][None]).states[0, :, 0])
     assert np.max(np.abs(states[-1][1:, -2])) > 1e-6, "something swings"
     np.testing.assert_allclose(states[-1][:, -2:], states[-2][:, -2:], rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("share", [-0.02, 0.012])
+def test_of_frequencies_close_by_the_one_is_found_with_which_swings_arrive_as_moves_begin(
+    moves: Moves, share: float
+) -> None:
+    """A fit that is off by one or two parts in a hundred, with every move's beginning as it was."""
+    model = Model(("X1",), 1, (DrivenHungMass(("X1",)),), "whole_move", ("constant", "skew"), bridge=False)
+    swing = {"X1.hung_ratio": 0.1, "X1.hung_frequency": 12.0, "X1.hung_damping": 0.03}
+    at, told = replace(point_at(model, MACHINE | swing, [moves]), local=resting([moves], model)), moves
+    for _ in range(2 + len(moves.grids)):
+        (told,), _ = swinging_on([told], model, at, 1.0)
+    begun = left_over(told, model, model.complete(model.values(at.shared[None])))
+    local = at.local[0].copy()
+    local[:, :2] += told.loads
+    for j, p in enumerate(model.nuisance, 2):
+        local[:, j] = begun[p.name][0] / p.spread
+    which = [p.name for p in model.parameters].index("X1.hung_frequency")
+    shared = at.shared.copy()
+    shared[which] = model.parameters[which].internal(12.0 * (1.0 + share))
+    found = Fitted(model, (moves,), Point(shared, (local,)), np.zeros(10), every(model))
+    near = [float(model.parameters[which].value(one.shared[which])) for one in at_near_frequencies(found)]
+    assert near[0] == pytest.approx(12.0, rel=2e-3)
+    assert len(near) == 3 and all(abs(other / near[0] - 1.0) > 0.004 for other in near[1:])
 
 
 def test_a_move_begins_where_the_move_before_left_the_load_also_in_a_gap_that_waves(moves: Moves) -> None:
