@@ -36,9 +36,6 @@ OWN_LADDER = np.array([0.01, 0.7, 30.0])
 """The same of each move's own coordinates, which are few (chosen)."""
 EACH_LADDER = np.array([0.01, 0.2, 1.0, 30.0])
 """The same around every move's last good one, where nothing else is fitted (chosen)."""
-HARDLY, OFF = 1e-3, 2.0
-"""Share of a fit's cost that is hardly any, and RMS from which on a fit is far off: what it comes nearer by such rounds
-is no more than what another start changes (chosen)."""
 STEPS_A_ROUND = 2
 """A round of a fit is a step of all coordinates and one of every move's own."""
 OWN_FAR = 20.0
@@ -357,9 +354,8 @@ def fit(
     free: Free | None = None,
     tolerance: float = 0.3,
 ) -> Fitted:
-    """Levenberg-Marquardt, several dampings at once; ends when a round gains less than `tolerance` of cost, or, where
-    the moves are far off, less than `HARDLY` of it. What the motors say counts in the cost and is no part of the fit's
-    residuals."""
+    """Levenberg-Marquardt, several dampings at once; ends when a round gains less than `tolerance` of cost. What the
+    motors say counts in the cost and is no part of the fit's residuals."""
     damping, free, at = 1e-2, every(model) if free is None else free, within(model, at)
     if not len(free):
         return fit_each(moves, model, at, rounds, tolerance)
@@ -386,8 +382,7 @@ def fit(
                 damping *= 1e4
             gained = costs[best] < before
             at, r = settle_locally(moves, model, at, scale, r)
-            enough = max(tolerance, HARDLY * before) if scale > OFF else tolerance
-            if before - cost(at, r, scale, free) < enough and (gained or damping > 1e3):
+            if before - cost(at, r, scale, free) < tolerance and (gained or damping > 1e3):
                 break
     return fitted(moves, model, at, r, free, of_samples)
 
