@@ -248,14 +248,10 @@ def trials(moves: Sequence[Moves], model: Model, points: Sequence[Point]) -> Flo
 
 
 def damped(H: FloatArray, g: FloatArray, dampings: FloatArray) -> FloatArray:
-    """Steps (…, dampings, n) from information (…, n, n) and gradient (…, n), of at most 2 in any coordinate."""
-    raised = H[..., None, :, :] + dampings[:, None, None] * (H * np.eye(H.shape[-1]))[..., None, :, :]
-    return limited(np.linalg.solve(raised, np.broadcast_to(g[..., None, :, None], (*raised.shape[:-1], 1))))
-
-
-def limited(solved: NDArray[np.floating]) -> FloatArray:
-    """Steps (…, n) against what was solved for (…, n, 1), of at most 2 in any coordinate."""
-    steps = -solved[..., 0]
+    """Steps (D, …, n) from information (…, n, n), gradient (…, n) and dampings (D, …), of at most 2 in any
+    coordinate."""
+    raised = H + dampings[..., None, None] * (H * np.eye(H.shape[-1]))
+    steps = -np.linalg.solve(raised, np.broadcast_to(g, raised.shape[:-1])[..., None])[..., 0]
     return np.asarray(steps * np.minimum(1.0, 2.0 / np.max(np.abs(steps), axis=-1, keepdims=True)))
 
 
@@ -285,9 +281,7 @@ def own_step(
     """One step of every move's own coordinates (T, L), with that of the `dampings` (D, T) which suits the move: the
     coordinates and residuals (N,) then, which damping it was, -1 where none gained, and what was gained of cost."""
     H, g = own_information(part, model, shared, own, here, scale)
-    raised = H + dampings[..., None, None] * (H * np.eye(H.shape[-1]))
-    tried = own + limited(np.linalg.solve(raised, np.broadcast_to(g, raised.shape[:-1])[..., None]))
-    tried = np.concatenate((own[None], np.clip(tried, -OWN_FAR, OWN_FAR)))
+    tried = np.concatenate((own[None], np.clip(own + damped(H, g, dampings), -OWN_FAR, OWN_FAR)))
     said = misfits(part, model, np.tile(shared, (len(dampings), 1)), tried[1:])
     said = np.concatenate((here[None], said))
     squares = np.add.reduceat(said**2, part.ends[:-1], axis=1) / scale**2 + np.sum(tried**2, axis=2)

@@ -12,7 +12,7 @@ import numpy as np
 from service.backlash.moves_begun import Values, begun_anew, expecting_its_own, point_at, shared_at
 from service.backlash.moves_fit import Fitted, Point, fit, reconstructed, values_at, zeros_alike
 from service.dynamics.driven_model import LINKS
-from service.identification.held_out import DESCRIBED, NEAR, Explained, overdamped, trial_of
+from service.identification.held_out import DESCRIBED, NEAR, TOLD, Explained, overdamped, trial_of
 from service.identification.moves_looks import ENDED, FROM_AFAR
 from service.identification.moves_rests import (
     AT_FIRST,
@@ -38,8 +38,6 @@ from service.identification.moves_starts import (
 from service.identification.scene import Scene
 from service.identification.selection import LEFT, UNKNOWN_NUMBERS, Trial
 
-CLOSE = KNOWN[-2]
-"""Share of its prior's width to which a swing is known that the move before is seen to have left."""
 BY_SETTLING = 0.5
 """Share of its RMS that a fit keeps when it is settled, below which others are settled beside it (chosen)."""
 MORE, GAIN = 3, 0.005
@@ -201,10 +199,10 @@ def swung_in(found: Fitted) -> Fitted:
     described as well. Where that is not close, though the moves are described, the first of those that swing at a
     frequency close by and are: on the way to where all moves agree a fit stops at many places."""
     best = tied(found, found.at, KNOWN)
-    if swings_at_all(found.model) and how_known(best.moves) > CLOSE and best.rms < DESCRIBED:
+    if swings_at_all(found.model) and how_known(best.moves) > TOLD and best.rms < DESCRIBED:
         for at in at_near_frequencies(found):
             other = tied(found, at, (AT_FIRST, *KNOWN[:-1], *KNOWN[-2:]))
-            if how_known(other.moves) <= CLOSE:
+            if how_known(other.moves) <= TOLD:
                 return other
     return best
 

@@ -68,8 +68,7 @@ OF_FEW = 0.4
 """Share of what a few moves and their motors show from which on what takes it is fitted to all (chosen: two gaps
 take about half of it or more where they are found at all, and up to two fifths on machines that have but one)."""
 SEARCHES = 3
-"""How often at most the valleys of a few moves are searched (chosen: of six searches for one planted gap two found
-it)."""
+"""How often at most the valleys of a few moves are searched (chosen)."""
 HINT = 1.0 / 3.0
 """Share of what samples and motors show from which on something hides there, although no fit found it (chosen)."""
 NO_GAP = 1e-6

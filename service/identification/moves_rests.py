@@ -75,7 +75,8 @@ def at_near_frequencies(found: Fitted) -> list[Point]:
         for k in which:
             p = model.parameters[k]
             shared[k] = float(p.internal(p.value(shared[k]) * (1.0 + share)))
-        tried.append((unlike_left(found, shared), float(share), Point(shared, found.at.local)))
+        at = Point(shared, found.at.local)
+        tried.append((unlike_left(found, at), float(share), at))
     out = list[tuple[float, Point]]()
     for _, share, at in sorted(tried, key=lambda one: one[0]):
         if all(abs(share - other) > APART for other, _ in out):
@@ -83,21 +84,12 @@ def at_near_frequencies(found: Fitted) -> list[Point]:
     return [at for _, at in out[:FOLLOWED]]
 
 
-def unlike_left(found: Fitted, shared: FloatArray) -> float:
-    """RMS over its prior's width by which what swings when moves begin differs from what the moves before leave with
-    such coordinates (P,); infinite where these run away."""
-    model, errors = found.model, list[FloatArray]()
-    values, changed = (model.complete(model.values(one[None])) for one in (found.at.shared, shared))
-    for part, own in zip(found.moves, found.at.local, strict=True):
-        before = left_over(part, model, values)
-        now = left_over(replace(part, swings=swings(part, model, shared, own, AT_FIRST)), model, changed)
-        width = part.swings.width if part.swings else 1.0
-        for j, p in enumerate(model.nuisance, 2 * len(model.axes)):
-            if p.name in now:
-                begun = width * own[:, j] + before.get(p.name, np.zeros((1, 1)))[0] / p.spread
-                errors.append((begun - now[p.name][0] / p.spread)[1:])
-    rms = float(np.sqrt(np.mean(np.concatenate(errors) ** 2))) if errors else np.inf
-    return rms if np.isfinite(rms) else np.inf
+def unlike_left(found: Fitted, at: Point) -> float:
+    """RMS over its prior's width by which what swings when moves begin differs from what the moves before leave at such
+    a point: the coordinates in which it is counted from that."""
+    _, begun = swinging_on(found.moves, found.model, at, AT_FIRST)
+    own = np.concatenate([local[1:, 2 * len(found.model.axes) :] for local in begun.local])
+    return float(np.sqrt(np.mean(own**2)))
 
 
 def how_known(moves: Sequence[Moves]) -> float:

@@ -45,9 +45,8 @@ FOLLOWED, LAST = 6, 2
 FREQUENCIES = np.geomspace(6.0, 120.0, 28)
 """At which an effect is begun that swings otherwise than found [Hz] (chosen: from twice as far off, a fit of few moves
 ends in another valley)."""
-GLIMPSE, NEAR_ONES = 2, 8
-"""Rounds after which only so many of these are continued (chosen: where the effect was a swinging one, the frequency
-that came nearest in the end was always among the first three then)."""
+NEAR_ONES = 8
+"""How many of these are continued (chosen)."""
 NEARER = 0.99
 """How much nearer to a few moves another valley must be (chosen; all moves decide)."""
 
@@ -92,7 +91,7 @@ def swinging_otherwise(found: Fitted) -> Fitted:
 def at_all_frequencies(few: Sequence[Moves], model: Model, machine: Values) -> list[Fitted]:
     """Fits of a few moves that are begun with a machine of these values whose last effect swings at any frequency, as
     strong as it may well be; none if it does not swing. One frequency is as good as the next but near the right one,
-    and what comes near from there is among the better third after two rounds."""
+    so all are begun, and those continued that are nearest then."""
     effect = model.effects[-1]
     if effect.free_swing is None:
         return []
@@ -101,10 +100,10 @@ def at_all_frequencies(few: Sequence[Moves], model: Model, machine: Values) -> l
     fits = list[Fitted]()
     for hz in FREQUENCIES:
         values = {**machine, **on_all_axes(effect, {frequency: float(hz)}), **strong}
-        still = fit(few, model, point_at(model, values, few), GLIMPSE, free=held)
-        fits.append(fit(few, model, still.at, GLIMPSE))
+        still = fit(few, model, point_at(model, values, few), QUICK, free=held)
+        fits.append(fit(few, model, still.at, QUICK))
     near = sorted(fits, key=lambda f: f.rms_with_motors)[:NEAR_ONES]
-    return [fit(few, model, one.at, BRIEF - GLIMPSE) for one in near]
+    return [fit(few, model, one.at, BRIEF - QUICK) for one in near]
 
 
 def put_back(found: Fitted, too: Collection[str] = ()) -> Values:

@@ -158,7 +158,7 @@ def test_every_frequency_is_begun_with_as_strong_as_it_may_well_be(monkeypatch: 
 
     def fit(_few: Any, _model: Any, at: Any, rounds: int, *, free: Any = None) -> Any:
         """The nearer the further from 20 Hz they are begun."""
-        if free is None and rounds == moves_ridges.BRIEF - moves_ridges.GLIMPSE:
+        if free is None and rounds == moves_ridges.BRIEF - moves_ridges.QUICK:
             continued.append(at)
         return SimpleNamespace(at=at, rms_with_motors=1.0 / abs(np.log(at / 20.0)))
 
