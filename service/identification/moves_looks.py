@@ -15,7 +15,7 @@ from service.backlash.moves import Moves
 from service.backlash.moves_begun import Values, point_at
 from service.backlash.moves_fit import Fitted, fit, values_at, zeros_alike
 from service.dynamics.driven_model import Model
-from service.identification.held_out import DESCRIBED, NEAR
+from service.identification.held_out import DESCRIBED, NEAR, overdamped
 from service.identification.moves_starts import (
     BRIEF,
     SUMMED,
@@ -72,13 +72,16 @@ SHARED = 0.5**0.5
 HARDLY = 0.9
 """How much nearer to a few moves than the present fit the best further effect must come to be looked at again
 (chosen)."""
+UNSOUND = 1.5
+"""How much farther from the moves a fit stands whose chain is damped as none is (chosen): it is no explanation, but may
+become one."""
 WITHIN_REACH = 2.5
 """RMS on a few moves from which on a further effect does not come to what two effects may leave (chosen)."""
 
 
 @dataclass(frozen=True)
 class Brief:
-    """What a fit of a few moves found: its RMS, its values, and how all moves begin by it."""
+    """What a fit of a few moves found: where it stands, its values, and how all moves begin by it."""
 
     model: Model
     rms: float
@@ -86,8 +89,14 @@ class Brief:
     local: tuple[FloatArray, ...]
 
 
+def standing(found: Fitted) -> float:
+    """RMS of a fit by which it is compared with others, larger than it is where its chain is damped as none is: where a
+    wrong model ended so, what lies close by comes nearer at first than the right effect on a sound chain."""
+    return UNSOUND * found.rms if overdamped(found) else found.rms
+
+
 def noted(found: Fitted, moves: Sequence[Moves]) -> Brief:
-    return Brief(found.model, found.rms, values_at(found), zeros_alike(moves, found))
+    return Brief(found.model, standing(found), values_at(found), zeros_alike(moves, found))
 
 
 def compared(
@@ -186,7 +195,7 @@ def strongly_glimpsed(scene: Scene, found: Fitted, candidate: Candidate, shape: 
     typical = point_at(candidate.model, on_typical_machine(candidate, shape), few)
     swinging = [point_at(candidate.model, one, few) for one in heard_on_typical_machines(scene, candidate)]
     begun = [typical, *(begun_at(few, candidate.model, one) for one in strong_either_way(found, candidate))]
-    first = sorted((fit(few, candidate.model, at, STRONG) for at in begun), key=lambda f: f.rms)
+    first = sorted((fit(few, candidate.model, at, STRONG) for at in begun), key=standing)
     return [
         *(fit(few, candidate.model, f.at, BRIEF) for f in first[:1]),
         *first[1:],
@@ -206,16 +215,16 @@ def from_afar(scene: Scene, found: Fitted, candidate: Candidate) -> list[Fitted]
     few = fewer(found)
     begun = [point_at(candidate.model, one, few) for one in on_typical_machines(candidate)]
     speeds = [fit(of_speed(few, SUMMED[0]), candidate.model, at, HALF) for at in begun]
-    best = sorted(speeds, key=lambda f: f.rms)[:PLACED]
+    best = sorted(speeds, key=standing)[:PLACED]
     at_place = [point_at(candidate.model, one, few) for one in strong_at(scene.rich, found, candidate)]
-    strong = sorted((fit(few, candidate.model, at, STRONG) for at in at_place), key=lambda f: f.rms)[:1]
+    strong = sorted((fit(few, candidate.model, at, STRONG) for at in at_place), key=standing)[:1]
     return [fit(few, candidate.model, f.at, FROM_AFAR) for f in (*best, *strong)]
 
 
 def looked_at(glimpses: Sequence[Fitted]) -> list[Fitted]:
     """The better half of the fits continued, the best of them as long again."""
     looks = better_half_on(glimpses, BRIEF - GLIMPSE)
-    best = min(looks, key=lambda f: f.rms)
+    best = min(looks, key=standing)
     return [*looks, fit(best.moves, best.model, best.at, BRIEF)]
 
 
@@ -235,11 +244,11 @@ def second_look(
 def best_looks(looks: Sequence[Fitted], found: Fitted, candidate: Candidate) -> list[Brief]:
     """The candidate's best fit of a few moves, and the best of those that ended with another shape of the effect."""
     brief = list(looks)
-    latest = min(brief, key=lambda f: f.rms)
+    latest = min(brief, key=standing)
     brief.append(fit(latest.moves, latest.model, latest.at, BRIEF))
     for _ in range(HALVED if candidate.effect.states else 0):
         brief = better_half_on(brief, BRIEF)
-    best = min(brief, key=lambda f: f.rms)
+    best = min(brief, key=standing)
     other = softer_contact(values_at(best), candidate.model)
     if other:
         brief.append(fit(best.moves, candidate.model, point_at(candidate.model, other, best.moves), BRIEF))
@@ -249,17 +258,17 @@ def best_looks(looks: Sequence[Fitted], found: Fitted, candidate: Candidate) -> 
 
 def glanced(fits: Sequence[Fitted], found: Fitted) -> list[Brief]:
     """The best of the fits as it is."""
-    return [noted(min(fits, key=lambda f: f.rms), found.moves)]
+    return [noted(min(fits, key=standing), found.moves)]
 
 
 def nearest(fits: Sequence[Fitted]) -> float:
-    """The RMS of the best of them."""
-    return min(f.rms for f in fits)
+    """Where the best of them stands."""
+    return min(standing(f) for f in fits)
 
 
 def better_half_on(fits: Sequence[Fitted], rounds: int) -> list[Fitted]:
     """The better half of the fits continued by so many rounds (successive halving)."""
-    ranked = sorted(fits, key=lambda f: f.rms)[: (len(fits) + 1) // 2]
+    ranked = sorted(fits, key=standing)[: (len(fits) + 1) // 2]
     return [fit(f.moves, f.model, f.at, rounds) for f in ranked]
 
 
@@ -268,7 +277,7 @@ def best_of_each_shape(fits: Sequence[Fitted], candidate: Candidate) -> list[Fit
     names = [p.name for p in candidate.model.parameters]
     own = [names.index(p.name) for p in candidate.effect.parameters if not p.found_again]
     out: list[Fitted] = []
-    for one in sorted(fits, key=lambda f: f.rms):
+    for one in sorted(fits, key=standing):
         if all(np.max(np.abs(one.at.shared[own] - other.at.shared[own])) > APART for other in out):
             out.append(one)
     return out

@@ -44,6 +44,7 @@ from service.identification.moves_looks import (
     enough_of_few,
     noted,
     out_of_reach,
+    standing,
 )
 from service.identification.moves_motors import plainly_against
 from service.identification.moves_rests import swings_at_all
@@ -137,7 +138,7 @@ def refitted(found: Fitted, brief: Sequence[Brief], enough: float) -> list[Fitte
         least = min(f.rms_with_motors for f in fits)
         held = [f for f in fits if f.rms_with_motors <= AGAINST * least]
         return sorted(held, key=lambda f: f.rms)
-    return [min(fits, key=lambda f: f.rms)]
+    return [min(fits, key=standing)]
 
 
 def bridges(candidate: Candidate) -> bool:
@@ -299,7 +300,7 @@ def may_be_named(present: Trial[Explained], trial: Trial[Explained]) -> bool:
 def worth_all_moves(base: Fitted) -> float:
     """How near to a few moves an effect must come to be fitted to all, where the present fit does not describe these
     few either: what is missing in them it would explain a part of."""
-    few = on_a_few_moves(base).rms if base.rms > DESCRIBED else 0.0
+    few = standing(on_a_few_moves(base)) if base.rms > DESCRIBED else 0.0
     return HARDLY_NEARER * few if few > DESCRIBED else np.inf
 
 
