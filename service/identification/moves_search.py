@@ -336,7 +336,7 @@ def finished(
             done.append(name)
     name = min(done, key=lambda name: out[name].train_rms)
     if not plainly_against(present, out[name]):
-        out[name] = led_further(scene, out[name])
+        out[name] = led_further(scene, present, out[name])
     sound = [name for name in done if not out[name].at_limits]
     near = leading({name: distance(out[name]) for name in sound}, FINALISTS)
     first = min(done, key=lambda name: distance(out[name]))
@@ -356,9 +356,11 @@ def judged(scene: Scene, present: Trial[Explained], found: Fitted) -> Trial[Expl
     return trial_of(scene, found) if may_be_named(present, brief) else brief
 
 
-def led_further(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
-    """The trial, or one of its fit led on."""
-    further = led_on(trial.model.fitted)
+def led_further(scene: Scene, present: Trial[Explained], trial: Trial[Explained]) -> Trial[Explained]:
+    """The trial, or one of its fit led on; also of a hopeless one, if a part of what the present model leaves is gone:
+    the right effect may stand there on a wrong chain."""
+    part = gone(present.train_rms, trial.train_rms, PART)
+    further = led_on(trial.model.fitted, np.inf if part else HOPELESS)
     return trial if further is trial.model.fitted else trial_of(scene, further)
 
 
