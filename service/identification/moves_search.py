@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import permutations
 
 import numpy as np
 
@@ -203,7 +204,8 @@ def propose(
     strong, _ = compared(scene, base, spared, np.inf, taken, sparing=False)
     nearer = [c for c in spared if strong[c.name][0].rms < RIDGE * brief[c.name][0].rms]
     again = proposed(scene, present, base, nearer, strong, {}, taken, tell) if nearer else {}
-    return trials | {name: min((trials.get(name, t), t), key=distance) for name, t in again.items()}
+    nearer_now = {name: min((trials.get(name, t), t), key=distance) for name, t in again.items()}
+    return on_better_machines(scene, present, trials | nearer_now)
 
 
 def proposed(
@@ -321,8 +323,8 @@ def finished(
     scene: Scene, present: Trial[Explained], trials: Mapping[str, Trial[Explained]]
 ) -> dict[str, Trial[Explained]]:
     """The trials, those of the finalists with the motor's motion reconstructed from them, and ended if they may be
-    named; what swings comes last, and only if it is not far behind; where none is anywhere near, the nearest alone. The
-    nearest is led on over further ridges before any is ended, unless the motors speak against it; what one of them
+    named; what swings comes last, and only if it is not far behind; where none is anywhere near, the nearest alone.
+    Each is tried on the machines of the others. The nearest is led on over further ridges before any is ended, unless the motors speak against it and it is near; what one of them
     contains is ended before it. What comes closest to the moves that it was fitted to, and describes them, is ended
     even if it describes the others not much worse: it may be the right one."""
     out, done = dict(trials), list[str]()
@@ -334,8 +336,9 @@ def finished(
         if nearest > ENDED or out[name].train_rms < BEHIND * nearest:
             out[name] = judged(scene, present, settled(with_own_errors(out[name].model.fitted), ROUNDS))
             done.append(name)
+    out |= on_better_machines(scene, present, {name: out[name] for name in done})
     name = min(done, key=lambda name: out[name].train_rms)
-    if not plainly_against(present, out[name]):
+    if out[name].train_rms >= HOPELESS or not plainly_against(present, out[name]):
         out[name] = led_further(scene, present, out[name])
     sound = [name for name in done if not out[name].at_limits]
     near = leading({name: distance(out[name]) for name in sound}, FINALISTS)
@@ -348,6 +351,23 @@ def finished(
     if inner_suffices(closest, out):
         return out
     return out | {closest: to_the_end(scene, out[closest], DESCRIBED, AS_WELL)}
+
+
+def on_better_machines(
+    scene: Scene, present: Trial[Explained], trials: Mapping[str, Trial[Explained]]
+) -> dict[str, Trial[Explained]]:
+    """The trials, or nearer ones with the same effect, begun on the machine of another that foretells the held-out
+    moves better and is about as near to those that were fitted: two effects may do much the same in these, on two
+    machines, and only one of the machines is right."""
+    out = dict(trials)
+    for name, other in permutations(leading({n: t.train_rms for n, t in trials.items()}, FINALISTS), 2):
+        there = trials[other]
+        if there.validation_rms < SECOND * out[name].validation_rms:
+            found, machine = out[name].model.fitted, values_at(there.model.fitted)
+            values = values_at(found)
+            again = fitted_from(found, values | {k: v for k, v in machine.items() if k in values}, ROUNDS)
+            out[name] = min(out[name], judged(scene, present, again), key=distance)
+    return out
 
 
 def judged(scene: Scene, present: Trial[Explained], found: Fitted) -> Trial[Explained]:
