@@ -68,6 +68,7 @@ class DrivenEffect:
     gaps : how many gaps it adds; motions : how many input motions; curves : how many forces given as curves
     bends_friction : it adds to a guide's tabulated friction
     many_valleys : its fits end in many places: no score ranks its shapes, and fits begin where its numbers are `varied`
+    exact : its law has no form that may be another in the machine: it leaves nothing where it is what acts
     contains : effects that it becomes when some of its amounts are zero
     own_errors : the noise of the drives' speeds does something else with it, so that what its fits are expected to miss
         is found by it: it undoes a low pass, or ties two motors together
@@ -88,6 +89,7 @@ class DrivenEffect:
     shapes: ClassVar[tuple[Mapping[str, float], ...]] = ({},)
     bends_friction: ClassVar[bool] = False
     many_valleys: ClassVar[bool] = False
+    exact: ClassVar[bool] = False
     own_errors: ClassVar[bool] = False
     contains: ClassVar[tuple[str, ...]] = ()
     nearly: ClassVar[tuple[str, ...]] = ()

@@ -215,8 +215,7 @@ def _explanation(selection: Selection[Explained], seen_at_rest: tuple[str, ...])
     if effects == (_sole(selection),) and after.validation_rms <= min(CHANGED, before.validation_rms):
         return True
     error = left if len(effects) == 1 else shown
-    # A law with many valleys imitates much, and holds exactly where it acts.
-    exact = any(DRIVEN[name].many_valleys for name in effects if name in DRIVEN)
+    exact = any(DRIVEN[name].exact for name in effects if name in DRIVEN)
     near = error(after) <= (LEFT_BY_ONE if alone and not exact else LEFT)
     near = near and max(after.train_rms, after.validation_rms) <= CHANGED
     return near and explained(before, after, PART) and _fitted_too(before, after)

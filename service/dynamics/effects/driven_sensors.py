@@ -32,6 +32,7 @@ class DrivenLatency(DrivenEffect):
 
     name: ClassVar[str] = "sensor_latency"
     means: ClassVar[str] = "the accelerometer's samples are late against the drive's"
+    exact: ClassVar[bool] = True
     own: ClassVar[tuple[Parameter, ...]] = (
         Parameter("latency", "s", 0.0, 1e-3, logarithmic=False, low=-8e-3, high=8e-3, dose=1e-4),
     )
@@ -50,6 +51,7 @@ class DrivenGain(DrivenEffect):
 
     name: ClassVar[str] = "sensor_gain"
     means: ClassVar[str] = "the accelerometer's scale is wrong, or it is mounted askew"
+    exact: ClassVar[bool] = True
     own: ClassVar[tuple[Parameter, ...]] = (
         Parameter("gain_error", "1", 0.0, 0.2, logarithmic=False, low=-0.6, high=0.6, dose=0.02),
     )

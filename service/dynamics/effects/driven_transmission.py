@@ -59,6 +59,7 @@ class DrivenClearance(DrivenEffect):
         {"clearance": share * BOTH} for share in (0.1, 0.25, 0.4, 0.55, 0.7, 0.85)
     )
     many_valleys: ClassVar[bool] = True
+    exact: ClassVar[bool] = True
     met: ClassVar[tuple[str, ...]] = (
         "pinion_mass",
         "pinion_stiffness",
