@@ -324,9 +324,10 @@ def finished(
 ) -> dict[str, Trial[Explained]]:
     """The trials, those of the finalists with the motor's motion reconstructed from them, and ended if they may be
     named; what swings comes last, and only if it is not far behind; where none is anywhere near, the nearest alone.
-    Each is tried on the machines of the others. The nearest is led on over further ridges before any is ended, unless the motors speak against it and it is near; what one of them
-    contains is ended before it. What comes closest to the moves that it was fitted to, and describes them, is ended
-    even if it describes the others not much worse: it may be the right one."""
+    They are tried on each other's machines. The nearest is led on over further ridges before any is ended, unless it is
+    near and the motors speak against it; what one of them contains is ended before it. What comes closest to the moves
+    that it was fitted to, and describes them, is ended even if it describes the others not much worse: it may be the
+    right one."""
     out, done = dict(trials), list[str]()
     last = finalists(trials)
     if min(trials[name].train_rms for name in last) > FAR_OFF * HOPELESS:

@@ -169,6 +169,27 @@ def test_a_fit_that_may_be_the_right_one_and_leaves_too_much_is_led_over_further
     assert len(later) == (asked if reached < rms else 0)
 
 
+def test_a_hopeless_fit_is_led_on_where_the_chain_is_another_alone(monkeypatch: Any) -> None:
+    """And followed once it is near."""
+    over: list[tuple[float, Any]] = []
+    later: list[float] = []
+
+    def over_ridges(f: Any, others: Any = None) -> Any:
+        over.append((f.rms, others))
+        return stub(0.4 * f.rms)
+
+    monkeypatch.setattr(moves_end, "over_ridges", over_ridges)
+    monkeypatch.setattr(moves_end, "followed", lambda f, _rounds: later.append(f.rms) or f)
+    assert moves_end.led_on(stub(20.0)).rms == 20.0
+    assert moves_end.led_on(stub(20.0), np.inf).rms == pytest.approx(1.28)
+    assert [(pytest.approx(rms), None) for rms in (20.0, 8.0, 3.2)] == over
+    assert later == pytest.approx([3.2, 1.28])
+    monkeypatch.setattr(moves_end, "over_ridges", lambda f, others=None: over.append((f.rms, others)) or f)
+    over.clear()
+    assert moves_end.led_on(stub(20.0), np.inf).rms == 20.0
+    assert over == [(20.0, None)]
+
+
 def test_what_is_followed_farther_off_is_not_tried_again(monkeypatch: Any) -> None:
     over: list[float] = []
     monkeypatch.setattr(moves_end, "over_ridges", lambda f, *_: over.append(f.rms) or stub(1.8))

@@ -14,6 +14,12 @@ from service.identification import moves_looks
 from service.identification.moves_starts import softer_contact
 
 
+@pytest.fixture(autouse=True)
+def sound(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No chain is damped as none is, unless a test says which."""
+    monkeypatch.setattr(moves_looks, "overdamped", lambda found: getattr(found, "damped", ()))
+
+
 def stub(rms: float, name: str = "") -> Any:
     model, at = SimpleNamespace(parameters=(), effects=(), lumps=2), SimpleNamespace(local=())
     return cast(Any, SimpleNamespace(rms=rms, moves=("every",), model=model, at=at, name=name))
@@ -42,6 +48,19 @@ def test_a_search_is_given_up_where_no_two_effects_can_explain_the_moves(
     least: float, present: float, taken: tuple[str, ...], hopeless: bool
 ) -> None:
     assert moves_looks.out_of_reach(least, stub(present), taken) == hopeless
+
+
+def test_a_fit_whose_chain_is_damped_as_none_is_stands_behind_one_that_is_about_as_near() -> None:
+    """Beside a declared model that had ended so a filter was begun at 1.94 on a sound chain, and lost to 1.90."""
+    near, sound, far = stub(1.9, "near"), stub(1.94, "sound"), stub(3.0, "far")
+    near.damped = ("X1.gear_damping_ratio",)
+    assert [one.name for one in sorted((near, sound, far), key=moves_looks.standing)] == [
+        "sound",
+        "near",
+        "far",
+    ]
+    assert moves_looks.nearest((near, sound, far)) == sound.rms
+    assert moves_looks.nearest((near, far)) < far.rms, "it may become a sound one"
 
 
 def test_a_second_start_is_kept_only_for_another_shape_of_the_effect() -> None:
