@@ -17,7 +17,14 @@ from service.identification.held_out import DESCRIBED, SEARCHED, Explained, over
 from service.identification.moves_end import declared_end, ended
 from service.identification.moves_hidden import as_heard_by_motors, hidden, swinging
 from service.identification.moves_motors import CONTRADICTED, PLAINLY, left_by_motors, nothing_left
-from service.identification.moves_search import challenged, describes_all, may_be_named, propose, without
+from service.identification.moves_search import (
+    SECOND,
+    challenged,
+    describes_all,
+    may_be_named,
+    propose,
+    without,
+)
 from service.identification.moves_starts import TOO_MUCH
 from service.identification.scene import Scene, declared_fits, scene_of
 from service.identification.selection import (
@@ -128,15 +135,19 @@ def contradicted(
     its name if the other moves are described with it, too, or if nothing else is found that describes them better, and
     is a hint otherwise. Where they speak `plainly` this is asked for first, and nothing else if all moves and their
     motors are described with it, or nothing is left of those that were fitted and of their motors; nor what swings, if
-    the motors are described with this or with what else was found."""
+    the motors are described with this or with what else was found. Where what is hidden only led to a machine on which
+    the model before comes nearer, all is asked anew from there."""
     witnessed = as_heard_by_motors(before).validation_rms > 0.0
     first = hidden(scene, before, HIDDEN, len(DRIVEN), tell) if plainly and witnessed else None
-    if (
-        first
-        and first.effects
-        and (nothing_left(first.after.model.fitted) or describes_motors(before, first.after))
-    ):
-        return first
+    if first and first.effects:
+        again = challenged(scene, before, first.after)
+        if distance(again) < SECOND * distance(before):
+            tell(
+                f"the same model on another machine: RMS {again.train_rms:.3f}, held out {again.validation_rms:.3f}"
+            )
+            return missing_in(scene, again, (), tell)
+        if nothing_left(first.after.model.fitted) or describes_motors(before, first.after):
+            return first
     beside = searched(scene, before, tell, LIMITS, but=HIDDEN if witnessed else ())
     if beside.effects and describes_motors(before, beside.after):
         return beside

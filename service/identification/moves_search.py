@@ -503,16 +503,16 @@ def finalists(trials: Mapping[str, Trial[Explained]]) -> list[str]:
 def challenged(scene: Scene, present: Trial[Explained], best: Trial[Explained]) -> Trial[Explained]:
     """The present model fitted once more from where the best candidate ended, without the candidate's effect, so that
     no effect is named for having led the fit out of a poor valley; which valley is the better one, the best has found.
-    Where the candidate ended with gear and pinion apart, so does the present model begin."""
+    Where the candidate ended with gear and pinion apart, so does the present model begin, and every move as the
+    candidate left it or where it is found to rest, which is elsewhere without the candidate's effect."""
     now, other = present.model.fitted, best.model.fitted
     model = replace(now.model, lumps=other.model.lumps)
-    keep = [[p.name for p in other.model.parameters].index(p.name) for p in model.parameters]
-    at = Point(other.at.shared[keep], tuple(local[:, : width(model)] for local in other.at.local))
     moves = [
         replace(theirs, expected=own.expected, judged=own.judged, wander=own.wander)
         for theirs, own in zip(other.moves, now.moves, strict=True)
     ]
-    again = fit(moves, model, at, ROUNDS)
+    own = tuple(local[:, : width(model)] for local in other.at.local)
+    again = fit(moves, model, begun_at(moves, model, values_at(other), own), ROUNDS)
     if again.rms < BEHIND * now.rms and again.rms < HOPELESS:
         again = settled(again, ROUNDS, (np.inf, np.inf))
     return trial_of(scene, again) if again.rms < 0.99 * now.rms else present

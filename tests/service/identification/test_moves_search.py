@@ -643,7 +643,11 @@ def test_the_present_model_is_challenged_where_the_best_ended_with_gear_and_pini
         weighed.extend(parts)
         return stub(9.0)
 
+    def begun_at(_moves: Any, model: Model, values: Any, *locals_: Any) -> Point:
+        return Point(np.array([p.internal(values[p.name]) for p in model.parameters]), locals_[0])
+
     monkeypatch.setattr(moves_search, "fit", refit)
+    monkeypatch.setattr(moves_search, "begun_at", begun_at)
     fitted = SimpleNamespace(model=now, rms=3.0, moves=(moves,))
     present = cast(Any, SimpleNamespace(model=SimpleNamespace(fitted=fitted)))
     better = cast(Any, SimpleNamespace(model=SimpleNamespace(fitted=other)))
@@ -654,7 +658,7 @@ def test_the_present_model_is_challenged_where_the_best_ended_with_gear_and_pini
     )
     assert (model.lumps, model.effects) == (2, ())
     of_best = dict(zip((p.name for p in best.parameters), shared, strict=True))
-    assert list(at.shared) == [of_best[p.name] for p in model.parameters]
+    assert list(at.shared) == pytest.approx([of_best[p.name] for p in model.parameters])
     assert all(one.shape[1] == 2 * len(model.axes) + len(model.nuisance) for one in at.local)
 
 
