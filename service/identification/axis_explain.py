@@ -140,12 +140,12 @@ def contradicted(
     witnessed = as_heard_by_motors(before).validation_rms > 0.0
     first = hidden(scene, before, HIDDEN, len(DRIVEN), tell) if plainly and witnessed else None
     if first and first.effects:
-        again = challenged(scene, before, first.after)
-        if distance(again) < SECOND * distance(before):
+        elsewhere = challenged(scene, before, first.after)
+        if distance(elsewhere) < SECOND * distance(before):
             tell(
-                f"the same model on another machine: RMS {again.train_rms:.3f}, held out {again.validation_rms:.3f}"
+                f"the same model on another machine: RMS {elsewhere.train_rms:.3f}, held out {elsewhere.validation_rms:.3f}"
             )
-            return missing_in(scene, again, (), tell)
+            return missing_in(scene, elsewhere, (), tell)
         if nothing_left(first.after.model.fitted) or describes_motors(before, first.after):
             return first
     beside = searched(scene, before, tell, LIMITS, but=HIDDEN if witnessed else ())
