@@ -142,9 +142,7 @@ def contradicted(
     if first and first.effects:
         elsewhere = challenged(scene, before, first.after)
         if distance(elsewhere) < SECOND * distance(before):
-            tell(
-                f"the same model on another machine: RMS {elsewhere.train_rms:.3f}, held out {elsewhere.validation_rms:.3f}"
-            )
+            tell(f"the model before comes nearer on another machine: RMS {elsewhere.train_rms:.3f}")
             return missing_in(scene, elsewhere, (), tell)
         if nothing_left(first.after.model.fitted) or describes_motors(before, first.after):
             return first
