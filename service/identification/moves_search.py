@@ -31,6 +31,7 @@ from service.identification.moves_end import (
     RIDGE,
     SOUND,
     ended,
+    in_full,
     led_on,
     settled,
     with_own_errors,
@@ -347,7 +348,11 @@ def finished(
     closest = min(sound, key=lambda name: out[name].train_rms, default=first)
     near += [inner for name in {first, *near} for inner in DRIVEN[name].contains if inner in out]
     for name in sorted({first, *near}, key=lambda name: len(out[name].model.fitted.model.parameters)):
-        if may_be_named(present, out[name]) and not inner_suffices(name, out):
+        if inner_suffices(name, out):
+            continue
+        if not may_be_named(present, out[name]):
+            out[name] = as_for_a_value(scene, out[name])
+        if may_be_named(present, out[name]):
             out[name] = to_the_end(scene, out[name])
     if inner_suffices(closest, out):
         return out
@@ -369,6 +374,13 @@ def on_better_machines(
             again = fitted_from(found, values | {k: v for k, v in machine.items() if k in values}, ROUNDS)
             out[name] = min(out[name], judged(scene, present, again), key=distance)
     return out
+
+
+def as_for_a_value(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
+    """The trial of a fit that is not far off with its effects as they are simulated for a value, if that is nearer: a
+    law in coarser pieces may have driven the chain to where the motors speak against it."""
+    full = in_full(trial.model.fitted) if trial.train_rms <= LEFT else trial.model.fitted
+    return trial_of(scene, full) if full.rms < SECOND * trial.train_rms else trial
 
 
 def judged(scene: Scene, present: Trial[Explained], found: Fitted) -> Trial[Explained]:
