@@ -108,18 +108,18 @@ def declared_end(fits: Iterable[Fitted], rounds: int) -> Fitted:
     return min(ends, key=lambda f: f.rms)
 
 
-def led_on(found: Fitted, near: float = HOPELESS) -> Fitted:
+def led_on(found: Fitted, near: float = HOPELESS, places: Sequence[Values] = ()) -> Fitted:
     """A fit that may be the right one and yet leaves more than noise, over further ridges and followed from there as
     long as that is nearer: what lies near a valley is searched, and the right one may lie behind the next, where the
-    effect is of another size, or where it swings at another frequency. One that is hopeless, and yet `near`, only where
-    the chain is another."""
+    effect is of another size, or where it swings at another frequency, on its machine or as that is at one of the
+    `places`. One that is hopeless, and yet `near`, only where the chain is another."""
     for _ in range(FURTHER):
         if not UNKNOWN_NUMBERS <= found.rms < near:
             break
         on = over_ridges(found)
         if found.rms < HOPELESS:
             on = over_ridges(found, other_sizes) if on.rms > RIDGE * found.rms else on
-            on = swinging_otherwise(found) if on.rms > RIDGE * found.rms else on
+            on = swinging_otherwise(found, places) if on.rms > RIDGE * found.rms else on
         further = on if on.rms >= HOPELESS or on.rms > RIDGE * found.rms else followed(on, ROUNDS)
         if further.rms >= found.rms:
             break

@@ -225,7 +225,7 @@ def swinging(
     few = asked(base)
     present = left_at_present(few, base)
     for candidate in candidates(base.model, kinds, ()):
-        fits = at_all_frequencies(few, candidate.model, put_back(base))
+        fits = at_all_frequencies(few, candidate.model, (put_back(base), scene.smooth))
         best = min(fits, key=lambda f: f.rms_with_motors)
         best = fit(few, best.model, best.at, ROUNDS)
         tell(f"tried {candidate.name} at all frequencies: {best.rms_with_motors:.3f} (now {present:.3f})")

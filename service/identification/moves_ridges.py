@@ -9,6 +9,7 @@ fitted only from one that a few say to be nearer.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
+from itertools import product
 
 import numpy as np
 
@@ -76,20 +77,21 @@ def if_nearer(found: Fitted, here: Fitted, others: Sequence[Fitted]) -> Fitted:
     return min(found, fitted_from(found, values_at(best), ROUNDS), key=lambda f: f.rms)
 
 
-def swinging_otherwise(found: Fitted) -> Fitted:
+def swinging_otherwise(found: Fitted, places: Sequence[Values] = ()) -> Fitted:
     """The fit begun once more with its last effect swinging at another frequency, and out of the corners that the wrong
-    one drove the machine into; itself where that is not nearer, or nothing swings."""
+    one drove the machine into, or on the machine as it is at one of the `places`; itself where that is not nearer, or
+    nothing swings."""
     effect = found.model.effects[-1] if found.model.effects else None
     if effect is None or effect.free_swing is None:
         return found
     few = fewer(found)
     here = fit(few, found.model, Point(found.at.shared, (own_of_few(found),)), BRIEF)
-    tried = leading(at_all_frequencies(few, found.model, put_back(found)), FOLLOWED)
+    tried = leading(at_all_frequencies(few, found.model, (put_back(found), *places)), FOLLOWED)
     return if_nearer(found, here, [fit(few, found.model, one.at, ROUNDS) for one in tried])
 
 
-def at_all_frequencies(few: Sequence[Moves], model: Model, machine: Values) -> list[Fitted]:
-    """Fits of a few moves that are begun with a machine of these values whose last effect swings at any frequency, as
+def at_all_frequencies(few: Sequence[Moves], model: Model, machines: Sequence[Values]) -> list[Fitted]:
+    """Fits of a few moves that are begun with machines of these values whose last effect swings at any frequency, as
     strong as it may well be; none if it does not swing. One frequency is as good as the next but near the right one,
     so all are begun, and those continued that are nearest then."""
     effect = model.effects[-1]
@@ -98,8 +100,10 @@ def at_all_frequencies(few: Sequence[Moves], model: Model, machine: Values) -> l
     frequency, strong = effect.free_swing[0], strong_of_one_sign(Candidate(effect, model))
     held = np.zeros(0, dtype=np.int64)
     fits = list[Fitted]()
-    for hz in FREQUENCIES:
-        values = {**machine, **on_all_axes(effect, {frequency: float(hz)}), **strong}
+    names = {p.name for p in model.parameters}
+    for machine, hz in product(machines, FREQUENCIES):
+        kept = {name: value for name, value in machine.items() if name in names}
+        values = {**kept, **on_all_axes(effect, {frequency: float(hz)}), **strong}
         still = fit(few, model, point_at(model, values, few), QUICK, free=held)
         fits.append(fit(few, model, still.at, QUICK))
     near = sorted(fits, key=lambda f: f.rms_with_motors)[:NEAR_ONES]

@@ -379,8 +379,10 @@ def on_better_machines(
 def as_for_a_value(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
     """The trial of a fit that is not far off with its effects as they are simulated for a value, if that is nearer: a
     law in coarser pieces may have driven the chain to where the motors speak against it."""
-    full = in_full(trial.model.fitted) if trial.train_rms <= LEFT else trial.model.fitted
-    return trial_of(scene, full) if full.rms < SECOND * trial.train_rms else trial
+    found = trial.model.fitted
+    full = in_full(found) if trial.train_rms <= LEFT else found
+    nearer = full is not found and full.rms < SECOND * trial.train_rms
+    return trial_of(scene, full) if nearer else trial
 
 
 def judged(scene: Scene, present: Trial[Explained], found: Fitted) -> Trial[Explained]:
@@ -393,7 +395,7 @@ def led_further(scene: Scene, present: Trial[Explained], trial: Trial[Explained]
     """The trial, or one of its fit led on; also of a hopeless one, if a part of what the present model leaves is gone:
     the right effect may stand there on a wrong chain."""
     part = gone(present.train_rms, trial.train_rms, PART)
-    further = led_on(trial.model.fitted, np.inf if part else HOPELESS)
+    further = led_on(trial.model.fitted, np.inf if part else HOPELESS, (scene.smooth,))
     return trial if further is trial.model.fitted else trial_of(scene, further)
 
 

@@ -226,7 +226,8 @@ def test_what_swings_is_fitted_to_all_moves_if_half_is_gone_with_it_and_little_l
     def fit(_few: Any, model: str, *_: Any) -> Any:
         return two_gaps(0.0, 0.0, best[model])
 
-    def at_all(_few: Any, model: str, _machine: Any) -> list[Any]:
+    def at_all(_few: Any, model: str, machines: Any) -> list[Any]:
+        assert machines == ({}, {"X1.gear_mass": 0.05}), "the present machine's and the smooth fit's"
         one = two_gaps(0.0, 0.0, 1.1 * best[model])
         one.model, one.at = model, None
         return [two_gaps(0.0, 0.0, 5.0), one]
@@ -250,7 +251,8 @@ def test_what_swings_is_fitted_to_all_moves_if_half_is_gone_with_it_and_little_l
     base = SimpleNamespace(model="declared", at=None)
     before: Trial[Any] = replace(trial(4.0), model=SimpleNamespace(fitted=base))
     told: list[str] = []
-    assert swinging(cast(Any, None), before, (), told.append) == {"hung_mass_mode": "tried"}
+    scene: Any = SimpleNamespace(smooth={"X1.gear_mass": 0.05})
+    assert swinging(scene, before, (), told.append) == {"hung_mass_mode": "tried"}
     assert fitted == ([0.9, body] if body < 2.0 else [0.9])
     assert len(told) == 2
 

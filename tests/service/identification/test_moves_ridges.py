@@ -168,11 +168,20 @@ def test_every_frequency_is_begun_with_as_strong_as_it_may_well_be(monkeypatch: 
 
     monkeypatch.setattr(moves_ridges, "point_at", point_at)
     monkeypatch.setattr(moves_ridges, "fit", fit)
-    fits = at_all_frequencies(found.moves, model, {"X1.gear_mass": 0.2, "X1.hung_ratio": 1e-4})
+    fits = at_all_frequencies(
+        found.moves,
+        model,
+        ({"X1.gear_mass": 0.2, "X1.hung_ratio": 1e-4}, {"X1.gear_mass": 0.1, "X1.latency": 1e-3}),
+    )
     assert [one.at for one in fits] == continued
     assert len(continued) == 8 and all(hz < 6.5 or hz > 60.0 for hz in continued)
     ratio = next(p for p in model.parameters if p.name == "X1.hung_ratio")
-    assert {(one["X1.gear_mass"], one["X1.hung_ratio"]) for one in begun} == {(0.2, ratio.spread)}
-    frequencies = [one["X1.hung_frequency"] for one in begun]
+    assert {(one["X1.gear_mass"], one["X1.hung_ratio"]) for one in begun} == {
+        (0.2, ratio.spread),
+        (0.1, ratio.spread),
+    }
+    assert not any("X1.latency" in one for one in begun), "the smooth fit has more than the model"
+    frequencies = [one["X1.hung_frequency"] for one in begun if one["X1.gear_mass"] == 0.2]
+    assert frequencies == [one["X1.hung_frequency"] for one in begun if one["X1.gear_mass"] == 0.1]
     assert (frequencies[0], frequencies[-1]) == pytest.approx((6.0, 120.0))
     assert np.all(np.diff(np.log(frequencies)) < 0.12)
