@@ -135,8 +135,8 @@ def contradicted(
     its name if the other moves are described with it, too, or if nothing else is found that describes them better, and
     is a hint otherwise. Where they speak `plainly` this is asked for first, and nothing else if all moves and their
     motors are described with it, or nothing is left of those that were fitted and of their motors; nor what swings, if
-    the motors are described with this or with what else was found. Where what is hidden only led to a machine on which
-    the model before comes nearer, all is asked anew from there."""
+    the motors are described with this or with what else was found. Where what was asked for first only led to a machine
+    on which the model before comes nearer, all is asked anew from there."""
     witnessed = as_heard_by_motors(before).validation_rms > 0.0
     first = hidden(scene, before, HIDDEN, len(DRIVEN), tell) if plainly and witnessed else None
     if first and first.effects:

@@ -192,7 +192,7 @@ def propose(
     """Every effect that is not in yet, fitted on all train moves; the best few fitted to the end. Of further effects
     none, where a few moves show that none explains what is left. What was spared its strong starts, for another effect
     described a few moves, has them where that one does not describe all: it may have imitated the right one there; what
-    they lead no nearer to the few moves stays as it is."""
+    they lead no nearer to the few moves stays as it is, and the nearest of both are tried on each other's machines."""
     base = on_sound_motion(present.model.fitted)
     tried = candidates(base.model, library, taken)
     coupled = {c.name: as_coupled(scene, base, c) for c in tried if scene.coupled and bridges(c)}
@@ -205,8 +205,8 @@ def propose(
     strong, _ = compared(scene, base, spared, np.inf, taken, sparing=False)
     nearer = [c for c in spared if strong[c.name][0].rms < RIDGE * brief[c.name][0].rms]
     again = proposed(scene, present, base, nearer, strong, {}, taken, tell) if nearer else {}
-    nearer_now = {name: min((trials.get(name, t), t), key=distance) for name, t in again.items()}
-    return on_better_machines(scene, present, trials | nearer_now)
+    trials = trials | {name: min((trials.get(name, t), t), key=distance) for name, t in again.items()}
+    return on_better_machines(scene, present, trials)
 
 
 def proposed(
@@ -348,12 +348,8 @@ def finished(
     closest = min(sound, key=lambda name: out[name].train_rms, default=first)
     near += [inner for name in {first, *near} for inner in DRIVEN[name].contains if inner in out]
     for name in sorted({first, *near}, key=lambda name: len(out[name].model.fitted.model.parameters)):
-        if inner_suffices(name, out):
-            continue
-        if not may_be_named(present, out[name]):
-            out[name] = as_for_a_value(scene, out[name])
-        if may_be_named(present, out[name]):
-            out[name] = to_the_end(scene, out[name])
+        if not inner_suffices(name, out):
+            out[name] = ended_if_named(scene, present, out[name])
     if inner_suffices(closest, out):
         return out
     return out | {closest: to_the_end(scene, out[closest], DESCRIBED, AS_WELL)}
@@ -374,6 +370,15 @@ def on_better_machines(
             again = fitted_from(found, values | {k: v for k, v in machine.items() if k in values}, ROUNDS)
             out[name] = min(out[name], judged(scene, present, again), key=distance)
     return out
+
+
+def ended_if_named(scene: Scene, present: Trial[Explained], trial: Trial[Explained]) -> Trial[Explained]:
+    """The trial with its fit ended where it may be named, as it is or with its effects as they are simulated for a
+    value."""
+    if may_be_named(present, trial):
+        return to_the_end(scene, trial)
+    full = as_for_a_value(scene, trial)
+    return to_the_end(scene, full) if full is not trial and may_be_named(present, full) else full
 
 
 def as_for_a_value(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:

@@ -151,6 +151,19 @@ def test_what_does_not_swing_is_not_looked_for_at_other_frequencies(found: Fitte
     assert swinging_otherwise(found) is found
 
 
+def test_what_swings_is_begun_on_the_machines_of_given_places_too(monkeypatch: Any, found: Fitted) -> None:
+    swinging, asked = with_a_hung_mass(found, 32.0), list[Any]()
+    here = SimpleNamespace(rms=1.0)
+    monkeypatch.setattr(moves_ridges, "fit", lambda *_: here)
+    monkeypatch.setattr(
+        moves_ridges, "at_all_frequencies", lambda _few, _model, machines: asked.extend(machines) or []
+    )
+    monkeypatch.setattr(moves_ridges, "if_nearer", lambda found, _here, _others: found)
+    place = {"X1.gear_mass": 0.05}
+    assert swinging_otherwise(swinging, (place,)) is swinging
+    assert asked == [put_back(swinging), place]
+
+
 def test_every_frequency_is_begun_with_as_strong_as_it_may_well_be(monkeypatch: Any, found: Fitted) -> None:
     model = replace(found.model, effects=(*found.model.effects, DrivenHungMass(("X1",))))
     begun: list[dict[str, float]] = []
