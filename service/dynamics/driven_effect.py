@@ -121,6 +121,11 @@ class DrivenEffect:
         """Values of a whole model at a start, with what the effect takes over from the declared model taken off."""
         return values
 
+    def divided(self, values: Mapping[str, float], share: float) -> Mapping[str, float]:
+        """Values of a whole model with such a share of what the effect has in common with the declared model its
+        own."""
+        return values
+
     def varied(
         self, values: Mapping[str, float], wide: float, rng: np.random.Generator
     ) -> Mapping[str, float]:

@@ -139,10 +139,7 @@ def divisions(found: Fitted, near_by: bool) -> Iterator[Values]:
     kept = {name: v for name, v in present.items() if near_by or not name.endswith("damping_ratio")}
     for values in filter(None, (kept, softer_contact(kept, found.model))):
         for share in np.clip(shares, SHARES[0], SHARES[-1]):
-            divided = dict(values)
-            for (first, second), play in zip(gaps, both, strict=True):
-                divided |= {first: share * play, second: (1.0 - share) * play}
-            yield divided
+            yield dict(found.model.effects[-1].divided(values, 1.0 - share))
 
 
 def hidden(

@@ -273,14 +273,11 @@ def as_heard(scene: Scene, candidate: Candidate) -> Values:
     return on_all_axes(candidate.effect, {**strong, frequency: faster * scene.heard})
 
 
-def everywhere(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:
+def near_by(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values]:
     """All shapes at the present fit; there with shaft and contact exchanged, if the contact is the stiffer one, and
-    without what smears the impacts of two gaps into one; there and at the estimator's with the chain between motor and
-    flanks put back, since what was not in the model may have gone into its masses and springs; and on a typical machine
-    with the present friction. None where more is missing than the effect can do."""
+    without what smears the impacts of two gaps into one; and there and at the estimator's with the chain between motor
+    and flanks put back, since what was not in the model may have gone into its masses and springs."""
     present, effect = values_at(found), candidate.effect
-    if found.rms > TOO_MUCH:
-        return []
     kept = {
         p.name for p in candidate.model.parameters if p.name.rpartition(".")[2] not in chain(candidate.model)
     }
@@ -288,7 +285,6 @@ def everywhere(scene: Scene, found: Fitted, candidate: Candidate) -> list[Values
     if exchanged := softer_contact(present, candidate.model):
         places.append({k: v for k, v in exchanged.items() if not k.endswith(TOLERANCES)})
     places += [{k: v for k, v in place.items() if k in kept} for place in (present, scene.rich)]
-    places.append({k: v for k, v in present.items() if k.endswith(("backlash", *GUIDE))})
     return [dict(effect.traded({**place, **start})) for place in places for start in effect.starts]
 
 

@@ -1,14 +1,15 @@
 """Search for an effect whose fits have many valleys, such as a second gap: a pinion between two gaps chatters, and how
 often it is met on the way is a whole number.
 
-A simulation costs a hundredth of a fit. So many sets of values are simulated, the best of them are fitted, and what
-comes nearest is varied at random and fitted again: an evolution strategy (mu + lambda) whose survivors are improved by
-a local search.
+A simulation costs a hundredth of a fit. So many sets of values about the present machine are simulated, and the best of
+them fitted. But a model that lacks something has gone to a corner from which few ways lead out: fits begin on typical
+machines that are drawn at random, too, however far from the moves these are as they are. What comes nearest is varied
+at random and fitted again: an evolution strategy (mu + lambda) whose survivors are improved by a local search.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -26,9 +27,12 @@ from service.identification.moves_lying import (
 )
 from service.identification.moves_starts import (
     BRIEF,
+    GUIDE,
+    TOO_MUCH,
     Candidate,
-    everywhere,
+    begun_at,
     fewer,
+    near_by,
     on_a_few_moves,
     own_of_few,
     widened,
@@ -39,10 +43,14 @@ from service.recording import FloatArray
 
 SEED = 1
 """Of the random numbers: a recording is explained alike every time."""
-SETS, WIDE = 50, 0.5
-"""Sets that are simulated about every start, and how wide they lie there, in logarithms."""
-FITTED = 12
-"""How many of the starts are fitted beyond a few rounds, the best set of each."""
+SETS, WIDE = 25, 0.5
+"""Sets that are simulated about every start, and how wide they lie there, in logarithms; as wide lie typical machines
+about the typical one."""
+DRAWN, LEAST = 24, 0.035
+"""How many typical machines are drawn (chosen: one in ten leads to where the planted one does, if its play is divided
+about alike), and the least share of all play that either gap has on them."""
+FITTED, DRAWN_FITTED = 8, 10
+"""How many of the starts, the best set of each, and of the machines that were drawn, are fitted beyond a few rounds."""
 GENERATIONS, POPULATION, CHILDREN, KEPT = 3, 6, 60, 2
 """How often at most what has come nearest is varied; how many fits live on; how many sets are simulated about each of
 them, and how many of those are fitted."""
@@ -58,34 +66,53 @@ GAINS = 0.99
 """RMS, over that of the best before, from which on a generation gains nothing any more (chosen)."""
 TURNS = 3
 """How often a fit of a few moves goes on from where its own numbers leave the pinions (chosen)."""
-QUICK = 2
-"""Rounds after which the worse half of the new fits is given up."""
+QUICK, FROM_AFAR = 2, 4
+"""Rounds after which the worse half of the new fits is given up, and of those that begin on machines drawn anew."""
 
 
 def valleys(scene: Scene, found: Fitted, candidate: Candidate, seed: int = SEED) -> list[Fitted]:
-    """The best fits of a few moves, each in a valley of its own, the best first; only one where none is promising."""
-    rng = np.random.default_rng(seed)
-    few = asked(found)
-    own = widened((own_of_few(found),), candidate.model)[0]
+    """The best fits of a few moves, each in a valley of its own, the best first; only one where none is promising, and
+    none where more is missing than the effect can do."""
+    if found.rms > TOO_MUCH:
+        return []
+    rng, few = np.random.default_rng(seed), asked(found)
+    own = widened((own_of_few(found),), candidate.model)
     where = places_of_loads(few[0], found.model, found.at.shared, own_of_few(found))
-    begun = [
-        about(few, candidate, values, own, where, SETS, (WIDE, WIDE), rng)[:1]
-        for values in everywhere(scene, found, candidate)
+    present_ones = [
+        about(few, candidate, values, own[0], where, SETS, (WIDE, WIDE), rng)[0]
+        for values in near_by(scene, found, candidate)
     ]
-    alive = survivors(fitted_best(few, candidate, begun, FITTED), candidate)
+    drawn = (
+        begun_at(few, candidate.model, values, own) for values in typical_machines(found, candidate, rng)
+    )
+    begun = fitted_best(few, candidate, present_ones, QUICK, FITTED)
+    begun += fitted_best(few, candidate, drawn, FROM_AFAR, DRAWN_FITTED)
+    alive = survivors(begun, candidate)
     present = left_at_present(few, found)
     if not (alive and worth_following(present, alive[0].rms_with_motors)):
         return alive[:1]
     for _ in range(GENERATIONS):
-        before, children = alive[0].rms_with_motors, []
+        before, children = alive[0].rms_with_motors, list[Point]()
         for one in alive:
-            own = one.at.local[0]
-            where = places_of_loads(few[0], one.model, one.at.shared, own)
-            children.append(about(few, candidate, values_at(one), own, where, CHILDREN, WIDTHS, rng)[:KEPT])
-        alive = survivors([*alive, *fitted_best(few, candidate, children, POPULATION)], candidate)
+            at = one.at.local[0]
+            where = places_of_loads(few[0], one.model, one.at.shared, at)
+            children += about(few, candidate, values_at(one), at, where, CHILDREN, WIDTHS, rng)[:KEPT]
+        alive = survivors([*alive, *fitted_best(few, candidate, children, QUICK, POPULATION)], candidate)
         if alive[0].rms_with_motors > GAINS * before:
             break
     return alive
+
+
+def typical_machines(found: Fitted, candidate: Candidate, rng: np.random.Generator) -> Iterator[Values]:
+    """The effect on typical machines with the friction and all play of a fit, their other numbers drawn at random, and
+    the play divided from hardly any to nearly all."""
+    kept = {k: v for k, v in values_at(found).items() if k.endswith(("backlash", *GUIDE))}
+    drawn = [p for p in candidate.model.parameters if p.logarithmic and p.name not in kept]
+    most = np.log(1.0 / LEAST - 1.0)
+    for k in range(DRAWN):
+        machine = {p.name: p.typical * float(np.exp(WIDE * rng.standard_normal())) for p in drawn}
+        share = 1.0 / (1.0 + np.exp(most * (1.0 - 2.0 * (k + rng.random()) / DRAWN)))
+        yield dict(candidate.effect.divided({**machine, **kept}, share))
 
 
 def worth_following(present: float, nearest: float) -> bool:
@@ -115,10 +142,10 @@ def about(
     sets: int,
     widths: tuple[float, float],
     rng: np.random.Generator,
-) -> list[tuple[float, Point]]:
-    """Sets about these values as they are simulated, the best first: their RMS and where a fit begins by them, every
-    move in that of the effect's rests, or as the move before leaves it, in which it is described best. `own` (T, L) are
-    the moves' other coordinates, and `where` (T, X) the loads lay beside their motors in the fit before [m]."""
+) -> list[Point]:
+    """Where fits begin by sets about these values, the best first as they are simulated, every move in that of the
+    effect's rests, or as the move before leaves it, in which it is described best. `own` (T, L) are the moves' other
+    coordinates, and `where` (T, X) the loads lay beside their motors in the fit before [m]."""
     narrow, broad = np.log(widths)
     wide = np.exp(rng.uniform(narrow, broad, sets))
     varied = [values, *(candidate.effect.varied(values, w, rng) for w in wide[1:])]
@@ -135,8 +162,8 @@ def about(
         squares.append(np.nan_to_num(np.add.reduceat(r**2, ends[:-1], axis=1), nan=np.inf))
     best = np.argmin(squares, axis=0)
     local = np.take_along_axis(np.stack(tried), best[None, ..., None], axis=0)[0]
-    rms = np.sqrt(np.sum(np.min(squares, axis=0), axis=1) / ends[-1])
-    return [(float(rms[k]), Point(shared[k], (local[k],))) for k in np.argsort(rms)]
+    nearest = np.argsort(np.sum(np.min(squares, axis=0), axis=1))
+    return [Point(shared[k], (local[k],)) for k in nearest]
 
 
 def as_left(few: Moves, model: Model, shared: FloatArray, local: FloatArray, where: FloatArray) -> FloatArray:
@@ -162,15 +189,11 @@ def places_of_loads(few: Moves, model: Model, shared: FloatArray, own: FloatArra
 
 
 def fitted_best(
-    few: Sequence[Moves], candidate: Candidate, begun: Sequence[Sequence[tuple[float, Point]]], count: int
+    few: Sequence[Moves], candidate: Candidate, begun: Iterable[Point], rounds: int, count: int
 ) -> list[Fitted]:
-    """All fitted, but only the best `count` for more than a few rounds: how near a set comes as it is says little.
-    These go on with their pinions where the moves before leave them: beside a wrong rest the right machine stays as far
-    from the moves as a wrong one."""
-    quick = sorted(
-        (fit(few, candidate.model, at, QUICK) for part in begun for _, at in part),
-        key=lambda f: f.rms_with_motors,
-    )
+    """All fitted, but only the best `count` for more than a few `rounds`. These go on with their pinions where the
+    moves before leave them: beside a wrong rest the right machine stays as far from the moves as a wrong one."""
+    quick = sorted((fit(few, candidate.model, at, rounds) for at in begun), key=lambda f: f.rms_with_motors)
     return [by_rests(few, f) for f in quick[:count]]
 
 

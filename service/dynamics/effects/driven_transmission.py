@@ -79,6 +79,15 @@ class DrivenClearance(DrivenEffect):
             out[f"{axis}.backlash"] = both - out[f"{axis}.clearance"]
         return out
 
+    def divided(self, values: Mapping[str, float], share: float) -> Mapping[str, float]:
+        """All play of an axis, of which the second gap has such a share."""
+        out = dict(values)
+        for axis in self.axes:
+            both = values[f"{axis}.backlash"] + values.get(f"{axis}.clearance", 0.0)
+            out[f"{axis}.clearance"] = share * both
+            out[f"{axis}.backlash"] = both - out[f"{axis}.clearance"]
+        return out
+
     def rests(self, values: Mapping[str, float]) -> tuple[Mapping[str, float], ...]:
         """The pinion lies at either side of its gap."""
         half = {f"{axis}.pinion_rest": 0.5 * values[f"{axis}.clearance"] for axis in self.axes}

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from service.backlash.moves_fit import Point
+from service.dynamics.effects.driven_library import DRIVEN
 from service.identification import moves_hidden
 from service.identification.axis_explain import HIDDEN
 from service.identification.moves_hidden import (
@@ -393,7 +394,7 @@ def two_gaps(backlash: float, clearance: float, rms: float = 2.0, contact: float
         "X1.contact_stiffness": contact,
         "X1.contact_damping_ratio": 3.1,
     }
-    model = SimpleNamespace(axes=("X1",), lumps=2)
+    model = SimpleNamespace(axes=("X1",), lumps=2, effects=(DRIVEN["gearbox_clearance"](("X1",)),))
     at = SimpleNamespace(shared=np.zeros(len(values)))
     return SimpleNamespace(values=values, model=model, at=at, rms_with_motors=rms, motors=np.ones(3))
 

@@ -597,24 +597,21 @@ def test_what_is_far_off_on_the_ground_of_the_best_is_not_followed(
     assert asked == rounds
 
 
-def test_how_two_gaps_divide_their_sum_is_tried_everywhere(monkeypatch: Any) -> None:
+def test_how_two_gaps_divide_their_sum_is_tried_near_by(monkeypatch: Any) -> None:
     place = {"X1.backlash": 60e-6, "X1.coulomb": 0.3, "X1.drive_mass": 0.9, "X1.contact_damping_ratio": 0.5}
     place |= {"X1.drive_stiffness": 7e5, "X1.contact_stiffness": 4e5, "X1.smear": 2e-4}
     scene = cast(Any, SimpleNamespace(rich=place | {"X1.backlash": 50e-6}))
     model = Model(("X1",), 1)
     candidate = moves_starts.candidates(model, (DRIVEN["gearbox_clearance"],), ())[0]
     monkeypatch.setattr(moves_starts, "values_at", lambda _found: place)
-    begun = moves_starts.everywhere(scene, stub(1.6), candidate)
+    begun = moves_starts.near_by(scene, stub(1.6), candidate)
     sums = [b["X1.backlash"] + b["X1.clearance"] for b in begun]
-    np.testing.assert_allclose(sums, 12 * [60e-6] + 6 * [50e-6] + 6 * [60e-6])
-    pinion = {"X1.clearance", "X1.pinion_friction", "X1.pinion_viscous"}
-    assert begun[-1].keys() - pinion == {"X1.backlash", "X1.coulomb"}
+    np.testing.assert_allclose(sums, 12 * [60e-6] + 6 * [50e-6])
     assert len({round(b["X1.clearance"], 9) for b in begun[:6]}) == 6
     assert all(b["X1.drive_mass"] == 0.9 for b in begun[:6]), "the chain as it is now"
     assert not any("X1.drive_mass" in b or "X1.contact_damping_ratio" in b for b in begun[6:]), "put back"
-    assert not moves_starts.everywhere(scene, stub(9.0), candidate), "more is missing than a split gap"
     place |= {"X1.contact_stiffness": 2e6}
-    stiffer = moves_starts.everywhere(scene, stub(1.6), candidate)[6:12]
+    stiffer = moves_starts.near_by(scene, stub(1.6), candidate)[6:12]
     assert all(b["X1.contact_stiffness"] == 7e5 and b["X1.drive_stiffness"] == 2e6 for b in stiffer)
     assert all("X1.smear" not in b and b["X1.drive_mass"] == 0.9 for b in stiffer), "two impacts, not one"
 
