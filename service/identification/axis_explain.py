@@ -132,11 +132,12 @@ def contradicted(
 ) -> Selection[Explained]:
     """What is missing where the motors contradict the model. If nothing is found with which their equations of motion
     hold, what swings is asked for at all frequencies, and taken if they hold with it; then what may be hidden: it has
-    its name if the other moves are described with it, too, or if nothing else is found that describes them better, and
-    is a hint otherwise. Where they speak `plainly` this is asked for first, and nothing else if all moves and their
-    motors are described with it, or nothing is left of those that were fitted and of their motors; nor what swings, if
-    the motors are described with this or with what else was found. Where what was asked for first only led to a machine
-    on which the model before comes nearer, all is asked anew from there."""
+    its name if the other moves are described with it, too, or if nothing else is found that describes them better, or
+    nothing with which the motors agree as they do with it, and is a hint otherwise. Where they speak `plainly` this is
+    asked for first, and nothing else if all moves and their motors are described with it, or nothing is left of those
+    that were fitted and of their motors; nor what swings, if the motors are described with this or with what else was
+    found. Where what was asked for first only led to a machine on which the model before comes nearer, all is asked
+    anew from there."""
     witnessed = as_heard_by_motors(before).validation_rms > 0.0
     first = hidden(scene, before, HIDDEN, len(DRIVEN), tell) if plainly and witnessed else None
     if first and first.effects:
@@ -163,11 +164,20 @@ def contradicted(
             others = tuple(one for one in beside.candidates if one.effect not in again)
             return replace(swung, candidates=others + swung.candidates)
     found = first or hidden(scene, before, HIDDEN, len(DRIVEN), tell)
-    described = found.after.validation_rms <= max(LEFT, beside.after.validation_rms)
-    if found.effects and (described or finding_of(beside)[0] != "effect"):
+    if found.effects and not (finding_of(beside)[0] == "effect" and describes_better(before, beside, found)):
         return found
     hinted = found.hinted or bool(found.effects)
     return replace(beside, candidates=beside.candidates + found.candidates, hinted=hinted)
+
+
+def describes_better(
+    before: Trial[Explained], beside: Selection[Explained], found: Selection[Explained]
+) -> bool:
+    """Whether the moves that were not fitted are described better with what was found beside what may be hidden, and
+    with that not well, unless the motors agree with what may be hidden only."""
+    if found.after.validation_rms <= max(LEFT, beside.after.validation_rms):
+        return False
+    return reconciled(before, beside.after) or not reconciled(before, found.after)
 
 
 def describes_motors(before: Trial[Explained], trial: Trial[Explained]) -> bool:

@@ -156,6 +156,38 @@ def test_what_the_motors_speak_of_is_the_finding_unless_another_one_describes_ot
 
 
 @pytest.mark.parametrize(
+    ("with_hidden", "with_other", "effects"),
+    [
+        (1.3, 4.0, ("gearbox_clearance",)),
+        (1.3, 1.4, ("transmission_ripple",)),
+        (2.6, 4.0, ("transmission_ripple",)),
+    ],
+    ids=["with it only", "with both", "with neither"],
+)
+def test_what_describes_other_moves_better_takes_no_name_from_that_with_which_only_the_motors_agree(
+    monkeypatch: pytest.MonkeyPatch, with_hidden: float, with_other: float, effects: tuple[str, ...]
+) -> None:
+    """A pinion that chatters is foretold only by numbers that are exact, and a ripple that nobody's motor feels by
+    chance."""
+    before, after, other = trial(1.2, 5.1), trial(1.0, 3.7), trial(1.8, 1.4)
+    left = {id(before): 7.0, id(after): with_hidden, id(other): with_other}
+    for one in (before, after, other):
+        one.model.fitted = one
+    names = ("gearbox_clearance",)
+    heard(monkeypatch)
+    monkeypatch.setattr(axis_explain, "left_by_motors", lambda of: np.array([0.5, left[id(of)]]))
+    monkeypatch.setattr(axis_explain, "finding_of", lambda found: ("effect", found.effects))
+    monkeypatch.setattr(
+        axis_explain, "hidden", lambda *_: Selection(before, after, names, (), (), witnessed=names)
+    )
+    monkeypatch.setattr(
+        axis_explain, "searched", lambda *_, **__: Selection(before, other, ("transmission_ripple",), (), ())
+    )
+    scene: Any = SimpleNamespace(zero_wanders=False)
+    assert missing_in(scene, before, (), lambda _text: None).effects == effects
+
+
+@pytest.mark.parametrize(
     ("held_out", "by_motors", "names", "asked"),
     [
         (1.1, 1.4, ("stribeck_friction",), False),
