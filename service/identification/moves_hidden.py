@@ -162,7 +162,7 @@ def hidden(
     nearest = on_all_moves(base, begun, present)
     name, gain = nearest.model.effects[-1].name, Gain.of(present, nearest)
     trial = trial_of(scene, nearest, thorough=gain.is_of(PART))
-    if gain.is_of(HINT) and not (nothing_left(nearest) and describes_all(before, trial)):
+    if not (nothing_left(nearest) and describes_all(before, trial)):
         divided = otherwise_divided(nearest)
         gain = Gain.of(present, divided)
         trial = trial if divided is nearest else trial_of(scene, divided, thorough=gain.is_of(PART))

@@ -191,8 +191,7 @@ def test_less_than_half_is_a_hint_and_next_to_nothing_none(
     assert len(found.candidates) == 1
     assert (found.after is before) is (not names)
     assert len(told) == 1
-    worth_it = (bool(names) or hinted) and not described
-    assert divided == [nearest] * worth_it, "what is next to nothing is not worth the time"
+    assert divided == [nearest] * (not described), "also of what is next to nothing, as a wrong division is"
 
 
 def test_what_few_moves_and_their_motors_speak_against_is_not_fitted_to_all(
