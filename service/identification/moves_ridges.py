@@ -20,6 +20,7 @@ from service.dynamics.driven_model import Model
 from service.identification.held_out import overdamped
 from service.identification.moves_starts import (
     BRIEF,
+    GUIDE,
     ROUNDS,
     SUMMED,
     TOLERANCES,
@@ -60,10 +61,11 @@ def over_ridges(found: Fitted, others: Callable[[Fitted], Iterator[FloatArray]] 
     starts = (others or other_chains)(found)
     tried = [fit(few, found.model, Point(shared, own), QUICK) for shared in starts]
     begun = [one.at for one in leading(tried, FOLLOWED)]
-    back = [begun_at(few, found.model, put_back(found, too), own) for too in ((), chain(found.model))]
+    machines = (put_back(found), put_back(found, chain(found.model)), on_typical_chain(found))
+    back = [begun_at(few, found.model, values, own) for values in machines]
     alive = [fit(few, found.model, at, BRIEF) for at in (*begun, *back)]
     alive += [
-        speeds_first(few, found.model, at, lasting, BRIEF) for at in (here.at, back[-1]) for lasting in SUMMED
+        speeds_first(few, found.model, at, lasting, BRIEF) for at in (here.at, back[1]) for lasting in SUMMED
     ]
     return if_nearer(found, here, [fit(few, found.model, one.at, ROUNDS) for one in leading(alive, LAST)])
 
@@ -119,6 +121,14 @@ def put_back(found: Fitted, too: Collection[str] = ()) -> Values:
         for name, v in values_at(found).items()
         if not name.endswith(PUT_BACK) and not name.startswith(odd) and name.rpartition(".")[2] not in too
     }
+
+
+def on_typical_chain(found: Fitted) -> Values:
+    """The play, the friction and the effects of a fit, for a machine that is typical in all else: masses, springs and
+    contact that were found beside something else may stand where no way leads out, however near the effect is."""
+    own = {p.name for effect in found.model.effects for p in effect.parameters}
+    kept = {name for name in own if not name.endswith(TOLERANCES)}
+    return {k: v for k, v in values_at(found).items() if k in kept or k.endswith(("backlash", *GUIDE))}
 
 
 def leading(fits: Sequence[Fitted], count: int) -> list[Fitted]:

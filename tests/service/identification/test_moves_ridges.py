@@ -15,7 +15,13 @@ from service.backlash.moves_fit import FAR, Fitted, Point, fit, values_at
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_bodies import DrivenHungMass
 from service.identification import moves_ridges
-from service.identification.moves_ridges import at_all_frequencies, over_ridges, put_back, swinging_otherwise
+from service.identification.moves_ridges import (
+    at_all_frequencies,
+    on_typical_chain,
+    over_ridges,
+    put_back,
+    swinging_otherwise,
+)
 from service.identification.moves_starts import ROUNDS, widened
 
 
@@ -31,8 +37,18 @@ def begun_with(found: Fitted, **factors: float) -> Fitted:
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"contact_stiffness": 0.4}, {"gear_stiffness": 0.3, "pinion_stiffness": 3.0}],
-    ids=["every impact comes late", "springs otherwise divided"],
+    [
+        {"contact_stiffness": 0.4},
+        {"gear_stiffness": 0.3, "pinion_stiffness": 3.0},
+        {
+            "contact_stiffness": 0.24,
+            "gear_stiffness": 400.0,
+            "gear_damping_ratio": 10.0,
+            "pinion_mass": 12.0,
+            "pinion_damping_ratio": 30.0,
+        },
+    ],
+    ids=["every impact comes late", "springs otherwise divided", "chain and contact in a corner"],
 )
 def test_a_fit_that_ended_in_another_valley_is_carried_to_the_right_one(
     found: Fitted, wrong: dict[str, float]
@@ -119,6 +135,17 @@ def test_what_a_wrong_model_drove_away_is_put_back_and_a_link_that_is_damped_as_
     ):
         monkeypatch.setattr(moves_ridges, "overdamped", lambda _found, odd=odd: odd)
         assert set(values) - set(put_back(found, too)) == {f"X1.{name}" for name in gone}
+
+
+def test_all_but_play_friction_and_effects_is_typical(monkeypatch: Any) -> None:
+    names = ("backlash", "coulomb", "viscous", "contact_stiffness", "gear_mass", "clock_offset", "hung_ratio")
+    values = {f"X1.{name}": 1.0 for name in names}
+    monkeypatch.setattr(moves_ridges, "values_at", lambda _found: values)
+    declared = Model(("X1",), 2)
+    model = replace(declared, effects=(*declared.effects, DrivenHungMass(("X1",))))
+    kept = on_typical_chain(cast(Any, SimpleNamespace(model=model)))
+    assert set(kept) == {"X1.backlash", "X1.coulomb", "X1.viscous", "X1.hung_ratio"}
+    assert "X1.hung_ratio" not in on_typical_chain(cast(Any, SimpleNamespace(model=declared)))
 
 
 def with_a_hung_mass(found: Fitted, frequency: float) -> Fitted:
