@@ -209,11 +209,13 @@ def has_strong_starts(found: Fitted, candidate: Candidate) -> bool:
 
 
 def from_afar(scene: Scene, found: Fitted, candidate: Candidate) -> list[Fitted]:
-    """Fits of a few moves from typical machines by the loads' speeds, for what is missing has driven the present
-    machine, and all places, into another valley; and from the estimator's machine with the effect as strong as it may
-    well be."""
+    """Fits of a few moves from typical machines by the loads' speeds, with a typical play and with the estimator's, for
+    what is missing has driven the present machine, and all places, into another valley; and from the estimator's
+    machine with the effect as strong as it may well be."""
     few = fewer(found)
-    begun = [point_at(candidate.model, one, few) for one in on_typical_machines(candidate)]
+    play = {name: v for name, v in scene.rich.items() if name.endswith("backlash")}
+    typical = on_typical_machines(candidate)
+    begun = [point_at(candidate.model, one, few) for one in (*typical, *({**one, **play} for one in typical))]
     speeds = [fit(of_speed(few, SUMMED[0]), candidate.model, at, HALF) for at in begun]
     best = sorted(speeds, key=standing)[:PLACED]
     at_place = [point_at(candidate.model, one, few) for one in strong_at(scene.rich, found, candidate)]

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from service.dynamics.driven_model import Model
-from service.identification import moves_looks
+from service.dynamics.effects.driven_library import DRIVEN
+from service.identification import moves_looks, moves_starts
 from service.identification.moves_starts import softer_contact
 
 
@@ -256,3 +257,25 @@ def test_of_further_effects_only_what_comes_nearer_than_the_present_fit_is_follo
     further, _ = moves_looks.compared(scene, found, cast(Any, library), taken=("sensor_gain",))
     assert [looks[0].name for looks in cast(Any, first).values()] == ["followed", "followed"]
     assert [looks[0].name for looks in cast(Any, further).values()] == ["followed", "glanced"]
+
+
+def test_from_afar_typical_machines_are_begun_with_a_typical_play_and_the_estimators(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A filter of 45 Hz leaves no gap in the present machine, and one of a typical width is a third of the right."""
+    candidate = moves_starts.candidates(Model(("X1",), 2), (DRIVEN["sensor_filter"],), ())[0]
+    play = [p.name for p in candidate.model.parameters].index("X1.backlash")
+    begun: list[float] = []
+
+    def fit(_moves: Any, model: Any, at: Any, _rounds: int) -> Any:
+        begun.append(float(model.parameters[play].value(at.shared[play])))
+        return SimpleNamespace(rms=1.0, at=at, model=model)
+
+    monkeypatch.setattr(moves_looks, "fewer", lambda _found: ())
+    monkeypatch.setattr(moves_looks, "of_speed", lambda few, _lasting: few)
+    monkeypatch.setattr(moves_looks, "standing", lambda fit: fit.rms)
+    monkeypatch.setattr(moves_looks, "strong_at", lambda *_: [])
+    monkeypatch.setattr(moves_looks, "fit", fit)
+    scene: Any = SimpleNamespace(rich={"X1.backlash": 2.5e-4, "X1.contact_stiffness": 5e4})
+    moves_looks.from_afar(scene, cast(Any, None), candidate)
+    assert begun[:2] == pytest.approx([5e-5, 2.5e-4])
