@@ -35,6 +35,11 @@ def begun_with(found: Fitted, **factors: float) -> Fitted:
     return fit(found.moves, found.model, Point(shared, found.at.local), ROUNDS)
 
 
+def ended(found: Fitted) -> Fitted:
+    """The fit followed on: how far down its valley it is after a few rounds differs from processor to processor."""
+    return fit(found.moves, found.model, found.at, 2 * ROUNDS)
+
+
 @pytest.mark.parametrize(
     "wrong",
     [
@@ -53,10 +58,10 @@ def begun_with(found: Fitted, **factors: float) -> Fitted:
 def test_a_fit_that_ended_in_another_valley_is_carried_to_the_right_one(
     found: Fitted, wrong: dict[str, float]
 ) -> None:
-    right = fit(found.moves, found.model, found.at, ROUNDS)
+    right = ended(found)
     other = begun_with(found, **wrong)
-    assert other.rms > 1.03 * right.rms
-    assert over_ridges(other).rms < 1.01 * right.rms
+    assert ended(other).rms > 1.015 * right.rms
+    assert ended(over_ridges(other)).rms < 1.005 * right.rms
 
 
 def test_a_fit_stays_where_no_other_valley_is_nearer(found: Fitted) -> None:
