@@ -28,6 +28,8 @@ from service.identification.held_out import DESCRIBED, Explained, trial_of
 from service.identification.moves_end import (
     AS_WELL,
     HOPELESS,
+    OF_ADDED,
+    OF_PRESENT,
     RIDGE,
     SOUND,
     ended,
@@ -325,10 +327,11 @@ def finished(
 ) -> dict[str, Trial[Explained]]:
     """The trials, those of the finalists with the motor's motion reconstructed from them, and ended if they may be
     named; what swings comes last, and only if it is not far behind; where none is anywhere near, the nearest alone.
-    They are tried on each other's machines. The nearest is led on over further ridges before any is ended, unless it is
-    near and the motors speak against it; what one of them contains is ended before it. What comes closest to the moves
-    that it was fitted to, and describes them, is ended even if it describes the others not much worse: it may be the
-    right one."""
+    What takes a part of what the present model leaves is led over ridges even where it is hopeless: the right effect
+    may stand there on a wrong chain. They are tried on each other's machines. The nearest is led on over further ridges
+    before any is ended, unless it is near and the motors speak against it; what one of them contains is ended before
+    it. What comes closest to the moves that it was fitted to, and describes them, is ended even if it describes the
+    others not much worse: it may be the right one."""
     out, done = dict(trials), list[str]()
     last = finalists(trials)
     if min(trials[name].train_rms for name in last) > FAR_OFF * HOPELESS:
@@ -336,7 +339,9 @@ def finished(
     for name in sorted(last, key=lambda name: swings_at_all(trials[name].model.fitted.model)):
         nearest = min((out[other].train_rms for other in done), default=np.inf)
         if nearest > ENDED or out[name].train_rms < BEHIND * nearest:
-            out[name] = judged(scene, present, settled(with_own_errors(out[name].model.fitted), ROUNDS))
+            part = gone(present.train_rms, out[name].train_rms, PART)
+            found, ridges = with_own_errors(out[name].model.fitted), OF_PRESENT if part else OF_ADDED
+            out[name] = judged(scene, present, settled(found, ROUNDS, ridges))
             done.append(name)
     out |= on_better_machines(scene, present, {name: out[name] for name in done})
     name = min(done, key=lambda name: out[name].train_rms)

@@ -16,6 +16,7 @@ from service.captures import read_capture
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_library import DRIVEN
 from service.identification import moves_looks, moves_search, moves_starts
+from service.identification.moves_end import OF_ADDED, OF_PRESENT
 from service.identification.moves_looks import Brief
 from service.identification.moves_search import finalists, leading
 
@@ -72,7 +73,7 @@ def test_all_finalists_that_are_near_are_ended_before_one_is_chosen(monkeypatch:
     monkeypatch.setattr(moves_search, "on_better_machines", lambda _scene, _present, trials: dict(trials))
     monkeypatch.setattr(moves_search, "swings_at_all", lambda _model: False)
     monkeypatch.setattr(moves_search, "with_own_errors", lambda fitted: fitted)
-    monkeypatch.setattr(moves_search, "settled", lambda fitted, _rounds: fitted)
+    monkeypatch.setattr(moves_search, "settled", lambda fitted, *_: fitted)
     monkeypatch.setattr(moves_search, "led_on", lambda fitted, *_: fitted)
     monkeypatch.setattr(moves_search, "trial_of", lambda _scene, fitted, **_: trials[fitted.model.name])
     monkeypatch.setattr(moves_search, "inner_suffices", lambda *_: False)
@@ -120,7 +121,7 @@ def test_where_none_is_anywhere_near_the_nearest_alone_is_settled(
     asked: list[str] = []
     monkeypatch.setattr(moves_search, "swings_at_all", lambda _model: False)
     monkeypatch.setattr(moves_search, "with_own_errors", lambda fitted: asked.append(fitted.name) or fitted)
-    monkeypatch.setattr(moves_search, "settled", lambda fitted, _rounds: fitted)
+    monkeypatch.setattr(moves_search, "settled", lambda fitted, *_: fitted)
     monkeypatch.setattr(moves_search, "led_on", lambda fitted, *_: fitted)
     monkeypatch.setattr(moves_search, "trial_of", lambda _scene, fitted, **_: trials[fitted.name])
     monkeypatch.setattr(moves_search, "inner_suffices", lambda *_: False)
@@ -145,7 +146,7 @@ def test_the_nearest_that_is_led_on_is_judged_by_where_it_ended(monkeypatch: Any
     by_name = {**trials, "further": further}
     monkeypatch.setattr(moves_search, "swings_at_all", lambda _model: True)
     monkeypatch.setattr(moves_search, "with_own_errors", lambda fitted: fitted)
-    monkeypatch.setattr(moves_search, "settled", lambda fitted, _rounds: fitted)
+    monkeypatch.setattr(moves_search, "settled", lambda fitted, *_: fitted)
     led: list[str] = []
 
     def led_on(fitted: Any, _near: float, places: Any) -> Any:
@@ -195,7 +196,7 @@ def test_the_others_begin_on_the_machine_that_a_likeness_of_the_right_effect_fou
     monkeypatch.setattr(moves_search, "fit", fitted)
     monkeypatch.setattr(moves_search, "noted", lambda brief, _moves: brief)
     monkeypatch.setattr(moves_search, "carried", lambda _base, brief, _rounds: replace_rms(brief, 1.0))
-    monkeypatch.setattr(moves_search, "settled", lambda fitted, _rounds: fitted)
+    monkeypatch.setattr(moves_search, "settled", lambda fitted, *_: fitted)
     monkeypatch.setattr(moves_search, "trial_of", lambda _scene, _fitted, **_: right)
     ended: list[Any] = []
     monkeypatch.setattr(moves_search, "ended", lambda _scene, one: ended.append(one) or one)
@@ -257,7 +258,7 @@ def test_what_the_motors_speak_against_is_neither_led_on_nor_ended(monkeypatch: 
     monkeypatch.setattr(moves_search, "plainly_against", lambda _present, _trial: against)
     monkeypatch.setattr(moves_search, "swings_at_all", lambda _model: True)
     monkeypatch.setattr(moves_search, "with_own_errors", lambda fitted: fitted)
-    monkeypatch.setattr(moves_search, "settled", lambda fitted, _rounds: fitted)
+    monkeypatch.setattr(moves_search, "settled", lambda fitted, *_: fitted)
     monkeypatch.setattr(moves_search, "led_on", lambda fitted, *_: done.append("led") or fitted)
     monkeypatch.setattr(moves_search, "trial_of", lambda _scene, _fitted, **_: trial)
     monkeypatch.setattr(
@@ -270,25 +271,28 @@ def test_what_the_motors_speak_against_is_neither_led_on_nor_ended(monkeypatch: 
 
 
 @pytest.mark.parametrize(
-    ("left", "near"), [(10.0, np.inf), (20.0, 4.0)], ids=["half is gone", "hardly any is gone"]
+    ("left", "ridges", "near"),
+    [(10.0, OF_PRESENT, np.inf), (20.0, OF_ADDED, 4.0)],
+    ids=["half is gone", "hardly any is gone"],
 )
 def test_a_hopeless_fit_is_led_on_only_where_a_part_is_gone(
-    monkeypatch: Any, left: float, near: float
+    monkeypatch: Any, left: float, ridges: tuple[float, float], near: float
 ) -> None:
-    """A ripple left 8.5 of 21 on a wrong chain; the motors speak against it as against any that is as far off."""
+    """A ripple left 8.5 of 21 on a wrong chain, a spring 4.5 of 6.3, and a hung mass that was none came nearer; the
+    motors speak against it as against any that is as far off."""
     explained = SimpleNamespace(fitted=SimpleNamespace(model=SimpleNamespace(parameters=())))
     trial = SimpleNamespace(train_rms=left, held_rms=30.0, model=explained, at_limits=())
-    asked: list[float] = []
+    asked: list[Any] = []
     monkeypatch.setattr(moves_search, "plainly_against", lambda _present, _trial: True)
     monkeypatch.setattr(moves_search, "swings_at_all", lambda _model: False)
     monkeypatch.setattr(moves_search, "with_own_errors", lambda fitted: fitted)
-    monkeypatch.setattr(moves_search, "settled", lambda fitted, _rounds: fitted)
+    monkeypatch.setattr(moves_search, "settled", lambda fitted, _, between: asked.append(between) or fitted)
     monkeypatch.setattr(moves_search, "led_on", lambda fitted, near, _: asked.append(near) or fitted)
     monkeypatch.setattr(moves_search, "trial_of", lambda _scene, _fitted, **_: trial)
     monkeypatch.setattr(moves_search, "to_the_end", lambda _scene, one, *_: one)
     present = cast(Any, SimpleNamespace(train_rms=21.0, validation_rms=24.0))
     moves_search.finished(SCENE, present, cast(Any, {FORCE: trial}))
-    assert asked == [near]
+    assert asked == [ridges, near]
 
 
 def test_what_does_much_the_same_is_tried_on_the_machine_that_foretells_more(monkeypatch: Any) -> None:
