@@ -55,7 +55,8 @@ NEARER = 0.99
 
 def over_ridges(found: Fitted, others: Callable[[Fitted], Iterator[FloatArray]] | None = None) -> Fitted:
     """The fit begun once more in the valley that a few moves say is nearer, or itself where they say none is, or all
-    moves do not; from ``other_chains`` unless other beginnings are given."""
+    moves do not; from ``other_chains`` unless other beginnings are given. What begins on another machine is followed
+    however far it is after a few rounds: it comes from farther than what begins near by, and may lead on."""
     few, own = fewer(found), (own_of_few(found),)
     here = fit(few, found.model, Point(found.at.shared, own), BRIEF)
     starts = (others or other_chains)(found)
@@ -63,11 +64,12 @@ def over_ridges(found: Fitted, others: Callable[[Fitted], Iterator[FloatArray]] 
     begun = [one.at for one in leading(tried, FOLLOWED)]
     machines = (put_back(found), put_back(found, chain(found.model)), on_typical_chain(found))
     back = [begun_at(few, found.model, values, own) for values in machines]
-    alive = [fit(few, found.model, at, BRIEF) for at in (*begun, *back)]
-    alive += [
+    near = [fit(few, found.model, at, BRIEF) for at in begun]
+    near += [
         speeds_first(few, found.model, at, lasting, BRIEF) for at in (here.at, back[1]) for lasting in SUMMED
     ]
-    return if_nearer(found, here, [fit(few, found.model, one.at, ROUNDS) for one in leading(alive, LAST)])
+    far = [fit(few, found.model, at, BRIEF) for at in back]
+    return if_nearer(found, here, [fit(few, found.model, f.at, ROUNDS) for f in (*leading(near, LAST), *far)])
 
 
 def if_nearer(found: Fitted, here: Fitted, others: Sequence[Fitted]) -> Fitted:
