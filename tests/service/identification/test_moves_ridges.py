@@ -69,6 +69,23 @@ def test_a_fit_stays_where_no_other_valley_is_nearer(found: Fitted) -> None:
     assert over_ridges(right) is right
 
 
+def test_another_machine_is_followed_however_far_it_is_after_a_few_rounds(
+    monkeypatch: Any, found: Fitted
+) -> None:
+    """On a typical chain a body's fit stood at 4.7, behind all that began near by, and led to 1.2."""
+
+    def fitted(_few: Any, _model: Any, at: Any, *_: Any) -> Any:
+        return SimpleNamespace(at=at, rms=4.7 if isinstance(at, str) else 3.0)
+
+    for name in ("fit", "speeds_first"):
+        monkeypatch.setattr(moves_ridges, name, fitted)
+    monkeypatch.setattr(moves_ridges, "begun_at", lambda *_: "machine")
+    monkeypatch.setattr(moves_ridges, "if_nearer", lambda _found, _here, others: [one.at for one in others])
+    followed = cast(Any, over_ridges(found, lambda _found: iter([found.at.shared] * 4)))
+    assert followed[moves_ridges.LAST :] == ["machine"] * 3
+    assert "machine" not in followed[: moves_ridges.LAST]
+
+
 def test_other_chains_differ_in_nothing_but_the_chain_and_the_tolerances(found: Fitted) -> None:
     names, other = with_contact_and_shaft(found, 6e5, 7e5)
     tried = list(moves_ridges.other_chains(other))
