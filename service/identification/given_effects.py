@@ -11,7 +11,7 @@ from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_library import DRIVEN
 from service.identification.explanation import Accepted
 from service.identification.held_out import Explained, anew, trial_of
-from service.identification.moves_end import OF_PRESENT, ended, settled
+from service.identification.moves_end import HOWEVER_FAR, ended, settled
 from service.identification.moves_search import propose
 from service.identification.moves_starts import ROUNDS
 from service.identification.scene import Scene
@@ -33,7 +33,7 @@ def begun_with(scene: Scene, model: Model, values: Values) -> Trial[Explained]:
     """The model begun with numbers that it has of another recording; its zeros are found again."""
     at = anew(scene.train, model, point_at(model, values, scene.train), found_again(model))
     begun = resettled(scene.train, model, at)
-    found = settled(fit(begun.moves, model, begun.at, ROUNDS), ROUNDS, OF_PRESENT)
+    found = settled(fit(begun.moves, model, begun.at, ROUNDS), ROUNDS, HOWEVER_FAR)
     return ended(scene, trial_of(scene, found))
 
 

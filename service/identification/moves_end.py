@@ -63,11 +63,12 @@ SOUND = 2.0
 """RMS from which on the declared model is not finished: it lacks something, and is only what is improved on (chosen; up
 to 1.6 it may be called sound)."""
 HOPELESS = NEAR
-"""RMS from which on neither another start nor more rounds nor what still swings makes a fit's effect the right one."""
-OF_ADDED, OF_PRESENT, LOOKED_FOR_NEXT = (ENDED, HOPELESS), (ENDED, np.inf), (HOPELESS, np.inf)
-"""Between which RMS another valley is looked for: of a model with an added effect, none of which is the right one in
-another valley that is hopeless here; of one from which all others begin; and of a fit that `steady` ends next, which
-looks for the others."""
+"""RMS from which on neither more rounds nor what still swings makes a fit's effect the right one, and another start
+only where it takes a part of what is missing."""
+OF_ADDED, HOWEVER_FAR, LOOKED_FOR_NEXT = (ENDED, HOPELESS), (ENDED, np.inf), (HOPELESS, np.inf)
+"""Between which RMS another valley is looked for: of a model with an added effect that takes less than a part of what
+is missing, of which hardly any is the right one in another valley; of one from which all others begin, or whose effect
+takes a part; and of a fit that `steady` ends next, which looks for the others."""
 CORNERED = 4.5
 """Standard deviations of its prior beyond which no mass and no spring of a chain is."""
 AS_GOOD = 1.01

@@ -28,8 +28,8 @@ from service.identification.held_out import DESCRIBED, Explained, trial_of
 from service.identification.moves_end import (
     AS_WELL,
     HOPELESS,
+    HOWEVER_FAR,
     OF_ADDED,
-    OF_PRESENT,
     RIDGE,
     SOUND,
     ended,
@@ -340,7 +340,7 @@ def finished(
         nearest = min((out[other].train_rms for other in done), default=np.inf)
         if nearest > ENDED or out[name].train_rms < BEHIND * nearest:
             part = gone(present.train_rms, out[name].train_rms, PART)
-            found, ridges = with_own_errors(out[name].model.fitted), OF_PRESENT if part else OF_ADDED
+            found, ridges = with_own_errors(out[name].model.fitted), HOWEVER_FAR if part else OF_ADDED
             out[name] = judged(scene, present, settled(found, ROUNDS, ridges))
             done.append(name)
     out |= on_better_machines(scene, present, {name: out[name] for name in done})

@@ -13,7 +13,7 @@ from service.identification.axis_numbers import backlash_of
 from service.identification.explanation import CannotExplain
 from service.identification.given_effects import begun_with, searched_for
 from service.identification.held_out import trial_of
-from service.identification.moves_end import OF_PRESENT, settled
+from service.identification.moves_end import HOWEVER_FAR, settled
 from service.identification.moves_starts import ROUNDS
 from service.identification.scene import Scene, declared_fits, scene_of
 from service.identification.selection import LEFT
@@ -77,7 +77,7 @@ def _scene(recording: Recording, axes: Sequence[str]) -> Scene:
 
 def _searched(scene: Scene, effects: Sequence[str]) -> Fitted:
     """The model with the effects, found from nothing."""
-    declared = trial_of(scene, settled(next(declared_fits(scene)), ROUNDS, OF_PRESENT))
+    declared = trial_of(scene, settled(next(declared_fits(scene)), ROUNDS, HOWEVER_FAR))
     return searched_for(scene, declared, effects).model.fitted
 
 

@@ -74,7 +74,7 @@ def test_only_what_may_be_the_whole_explanation_is_steadied(
         (1.0, 0.9, moves_end.OF_ADDED, 0, 1.0),
         (1.4, 1.2, moves_end.OF_ADDED, 1, 1.2),
         (4.5, 4.2, moves_end.OF_ADDED, 0, 4.5),
-        (4.5, 4.2, moves_end.OF_PRESENT, 1, 4.2),
+        (4.5, 4.2, moves_end.HOWEVER_FAR, 1, 4.2),
         (1.4, 1.2, moves_end.LOOKED_FOR_NEXT, 0, 1.4),
     ],
 )

@@ -16,7 +16,7 @@ from service.captures import read_capture
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_library import DRIVEN
 from service.identification import moves_looks, moves_search, moves_starts
-from service.identification.moves_end import OF_ADDED, OF_PRESENT
+from service.identification.moves_end import HOWEVER_FAR, OF_ADDED
 from service.identification.moves_looks import Brief
 from service.identification.moves_search import finalists, leading
 
@@ -272,7 +272,7 @@ def test_what_the_motors_speak_against_is_neither_led_on_nor_ended(monkeypatch: 
 
 @pytest.mark.parametrize(
     ("left", "ridges", "near"),
-    [(10.0, OF_PRESENT, np.inf), (20.0, OF_ADDED, 4.0)],
+    [(10.0, HOWEVER_FAR, np.inf), (20.0, OF_ADDED, 4.0)],
     ids=["half is gone", "hardly any is gone"],
 )
 def test_a_hopeless_fit_is_led_on_only_where_a_part_is_gone(
