@@ -23,6 +23,7 @@ from service.identification.held_out import SEARCHED, SEEN_AT_REST, Explained, H
 from service.identification.moves_motors import CONTRADICTED, left_by_motors, plainly_against
 from service.identification.scene import Scene
 from service.identification.selection import (
+    CHANGED,
     LEFT,
     LEFT_BY_CLEAN,
     PART,
@@ -83,9 +84,6 @@ CLEARLY = 0.75
 """Share of the excess variance in the moves that were fitted and in those that were not that an effect explains by
 itself which is in no sound machine, and shows in all moves; it leaves next to nothing, or there was more to explain
 than impurities leave (chosen)."""
-CHANGED = 4.0
-"""Held-out RMS from which on the machine is not what it was in the train recordings, however well it fits these: what
-impurities too small to matter leave there is less, and so does what has its right name (chosen)."""
 
 
 def verdict(

@@ -12,6 +12,7 @@ import numpy as np
 from service.backlash.moves_begun import Values, begun_anew, expecting_its_own, point_at, shared_at
 from service.backlash.moves_fit import Fitted, Point, fit, reconstructed, values_at, zeros_alike
 from service.dynamics.driven_model import LINKS
+from service.identification.axis_numbers import covariance
 from service.identification.held_out import DESCRIBED, NEAR, TOLD, Explained, overdamped, trial_of
 from service.identification.moves_looks import ENDED, FROM_AFAR
 from service.identification.moves_rests import (
@@ -75,6 +76,9 @@ AS_GOOD = 1.01
 """How much farther from the moves a fit with a sound damping is where any damping is as good (chosen)."""
 AS_WELL = 1.1
 """How much farther from the moves a fit with a sound damping may be, or one that is begun elsewhere (chosen)."""
+WIDER, UNREACHED = 1.02, 0.1
+"""By what a gap is multiplied whose second flank may not be reached, and the share of what the sum of squares would
+rise by, if it were known as closely as the fit claims, up to which it is not (chosen)."""
 
 
 def settled(found: Fitted, rounds: int, ridges: tuple[float, float] = OF_ADDED) -> Fitted:
@@ -130,7 +134,23 @@ def led_on(found: Fitted, near: float = HOPELESS, places: Sequence[Values] = ())
 
 def followed(on: Fitted, rounds: int) -> Fitted:
     """A fit that may be the right one, out of its corners and in turns with the motors' motion."""
-    return swung_in(as_damped(in_turns(out_of_corner(on, rounds))))
+    return out_of_reach(swung_in(as_damped(in_turns(out_of_corner(on, rounds)))))
+
+
+def out_of_reach(found: Fitted) -> Fitted:
+    """The fit with every gap wider whose second flank the load need not come to: where another axis holds it, it may
+    come there only because the gap is as wide as the fit says. A slope that is taken there claims that the moves tell
+    how wide it is, and shows nothing of how well they are described by one that is wider."""
+    for axis in found.model.axes if len(found.model.axes) > 1 else ():
+        values, k = values_at(found), [p.name for p in found.model.parameters].index(gap := f"{axis}.backlash")
+        others = np.delete(np.arange(len(values)), k)
+        here, wider = (
+            fitted_from(found, {**values, gap: by * values[gap]}, FEW_ROUNDS, others) for by in (1.0, WIDER)
+        )
+        claimed = (wider.at.shared[k] - here.at.shared[k]) ** 2 / covariance(found)[k, k]
+        if claimed > 1.0 and wider.r @ wider.r - here.r @ here.r < UNREACHED * claimed:
+            found = fit(found.moves, found.model, wider.at, 0)
+    return found
 
 
 def out_of_corner(found: Fitted, rounds: int) -> Fitted:
@@ -262,7 +282,7 @@ def steady(found: Fitted) -> Fitted:
     white = agreed(other) if other.rms < RIDGE * white.rms else white
     still = whitened(white, False)
     damped = as_damped(still)
-    return still if damped is still else whitened(agreed(whitened(damped, True)), False)
+    return out_of_reach(still if damped is still else whitened(agreed(whitened(damped, True)), False))
 
 
 def whitened(found: Fitted, white: bool) -> Fitted:

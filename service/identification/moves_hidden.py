@@ -12,13 +12,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 
 from service.backlash.moves_begun import Values
 from service.backlash.moves_fit import Fitted, Point, fit, reconstructed, values_at
-from service.dynamics.driven_model import DrivenEffect
+from service.dynamics.driven_model import LINKS, DrivenEffect, Model
 from service.identification.explanation import Candidate
 from service.identification.held_out import DESCRIBED, Explained, trial_of
 from service.identification.moves_end import RIDGE, SOUND, settled
@@ -41,6 +42,7 @@ from service.identification.moves_starts import Candidate as DrivenCandidate
 from service.identification.moves_valleys import SEED, asked, left_at_present, valleys, worth_following
 from service.identification.scene import Scene
 from service.identification.selection import (
+    CHANGED,
     LEFT,
     LEVEL,
     PART,
@@ -64,6 +66,9 @@ SHARES, NEAR_BY = np.linspace(0.05, 0.95, 19), np.array([0.02, 0.04, 0.08])
 """Shares of all play with which the backlash is begun, and how far from the one that is reached afterwards (chosen)."""
 DIVIDED, FOLLOWED = 6, 3
 """How often at most a fit is begun with its play otherwise divided, and how many of those are fitted to all moves."""
+LIGHT, SPRINGS = 0.01, np.geomspace(0.4, 2.5, 5)
+"""Damping ratio of a chain that is hardly damped, and by what its springs are multiplied there (chosen: as it swings,
+so narrow is the valley, and a third of the damping and the springs half as far apart lead there as well)."""
 OF_FEW = 0.4
 """Share of what a few moves and their motors show from which on what takes it is fitted to all (chosen: two gaps
 take about half of it or more where they are found at all, and up to two fifths on machines that have but one)."""
@@ -130,7 +135,8 @@ def otherwise_divided(found: Fitted) -> Fitted:
 def divisions(found: Fitted, near_by: bool) -> Iterator[Values]:
     """The values of a fit with all play otherwise divided, somewhat, or from end to end without its damping, which a
     wrong division drives into a corner; with its chain and with shaft and contact exchanged if the contact is the
-    stiffer one."""
+    stiffer one. From afar also as it is divided on chains that are hardly damped: a wrong chain is damped until it does
+    not chatter, and from there no fit finds the one that does."""
     present = values_at(found)
     gaps = [(f"{axis}.backlash", f"{axis}.clearance") for axis in found.model.axes]
     both = [present[first] + present[second] for first, second in gaps]
@@ -140,6 +146,19 @@ def divisions(found: Fitted, near_by: bool) -> Iterator[Values]:
     for values in filter(None, (kept, softer_contact(kept, found.model))):
         for share in np.clip(shares, SHARES[0], SHARES[-1]):
             yield dict(found.model.effects[-1].divided(values, 1.0 - share))
+    if not near_by:
+        yield from hardly_damped(found.model, present)
+
+
+def hardly_damped(model: Model, values: Values) -> Iterator[Values]:
+    """The values with other springs between motor and flanks that hardly damp."""
+    links = LINKS[model.lumps]
+    for factors in product(SPRINGS, repeat=len(links)):
+        out = dict(values)
+        for axis, (link, factor) in product(model.axes, zip(links, factors, strict=True)):
+            out[f"{axis}.{link}_stiffness"] *= factor
+            out[f"{axis}.{link}_damping_ratio"] = LIGHT
+        yield out
 
 
 def hidden(
@@ -276,6 +295,8 @@ def judged_by_motors(
         why = "what the motors speak of, but it leaves too much of the moves that were fitted"
     elif after.validation_rms > UNKNOWN_NUMBERS * max(1.0, before.validation_rms):
         why = "what the motors speak of, but it raises the held-out error"
+    elif after.validation_rms > CHANGED and not explained(before, after, PART):
+        why = "what the motors speak of, but it leaves the other moves as they are"
     elif p_value >= LEVEL:
         why = "gain within what chance does"
     elif nothing := (*after.at_limits, *closed(after.model.fitted)):

@@ -41,6 +41,12 @@ LEFT = 1.6
 """RMS over the noise up to which the effects of a model count as the whole explanation (chosen)."""
 LEFT_BY_CLEAN = 1.25
 """RMS over what is expected up to which what is left may be next to nothing (chosen)."""
+BY_NUMBERS = 1.1
+"""Held-out RMS from which on what a model leaves of moves that it describes may be what one that contains it explains
+(chosen: a constant force leaves up to this beside nothing else)."""
+CHANGED = 4.0
+"""Held-out RMS from which on the machine is not what it was in the train recordings, however well it fits these: what
+impurities too small to matter leave there is less, and so does what has its right name (chosen)."""
 MAX_EFFECTS = 4
 
 ModelT = TypeVar("ModelT")
@@ -236,16 +242,16 @@ def select(
     """Add effects one after the other until none is significant and material. It also ends where the truth is only
     ``imitated``.
 
-    ``propose(trial, taken)`` returns the fitted trial of every candidate added to the present model, or none where it
-    is known that none will do;
-    ``refine`` refits the one that was taken together with those before it; ``challenge(present, best)`` gives
-    the present model another chance from where the best candidate ended, so that no effect is named for having
-    led the fit out of a poor valley. ``size`` is a model's number of parameters: of effects that come equally near the
-    one with the fewest is taken. ``contains`` names the effects that one becomes when some of its numbers are zero: it
-    is passed over for them unless it removes as much more as a further effect must, and it is no rival of theirs;
-    taken after them, it is named in their place. ``nearly`` names the effects whose law is the same but for what little
-    of a recording tells: they are rivals as long as one comes nearly as near. ``without(trial, name)`` refits a model
-    without one of its effects: what led the search to another may have been a part of that one's likeness.
+    ``propose(trial, taken)`` returns the fitted trial of every candidate added to the present model, or none where
+    it is known that none will do; ``refine`` refits the one that was taken together with those before it;
+    ``challenge(present, best)`` gives the present model another chance from where the best candidate ended, so that
+    no effect is named for having led the fit out of a poor valley. ``size`` is a model's number of parameters: of
+    effects that come equally near the one with the fewest is taken. ``contains`` names the effects that one becomes
+    when some of its numbers are zero: it is passed over for them unless it removes as much more as a further effect
+    must, or nearly all that they leave, and it is no rival of theirs; taken after them, it is named in their place.
+    ``nearly`` names the effects whose law is the same but for what little of a recording tells: they are rivals as
+    long as one comes nearly as near. ``without(trial, name)`` refits a model without one of its effects: what led
+    the search to another may have been a part of that one's likeness.
     """
     present: Trial[ModelT] = before
     taken: tuple[str, ...] = ()
@@ -305,16 +311,20 @@ def _without_containing(
     contains: Callable[[str], Sequence[str]],
     share: float,
 ) -> list[str]:
-    """Those that contain no other of them, or remove `share` more of the held-out RMS than each that they contain."""
+    """Those that contain no other of them, or remove `share` more of the held-out RMS than each that they contain, or
+    nearly all that it leaves."""
     return [
         name
         for name in passed
-        if all(
-            trials[name].held_rms < (1.0 - share) * trials[inner].held_rms
-            for inner in contains(name)
-            if inner in passed
-        )
+        if all(_more_than(trials[inner], trials[name], share) for inner in contains(name) if inner in passed)
     ]
+
+
+def _more_than(inner: Trial[ModelT], trial: Trial[ModelT], share: float) -> bool:
+    """Whether an effect removes such a `share` more of the held-out RMS than one that it contains, or nearly all that
+    this leaves of all moves, where that is more than the right one leaves."""
+    most = inner.held_rms > BY_NUMBERS and gone_from_all(inner, trial, EXPLAINED)
+    return most or trial.held_rms < (1.0 - share) * inner.held_rms
 
 
 def _smallest_near(trials: Mapping[str, Trial[ModelT]], size: Callable[[Trial[ModelT]], int]) -> str:
