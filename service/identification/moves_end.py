@@ -142,7 +142,8 @@ def out_of_reach(found: Fitted) -> Fitted:
     come there only because the gap is as wide as the fit says. A slope that is taken there claims that the moves tell
     how wide it is, and shows nothing of how well they are described by one that is wider."""
     for axis in found.model.axes if len(found.model.axes) > 1 else ():
-        values, k = values_at(found), [p.name for p in found.model.parameters].index(gap := f"{axis}.backlash")
+        values, gap = values_at(found), f"{axis}.backlash"
+        k = [p.name for p in found.model.parameters].index(gap)
         others = np.delete(np.arange(len(values)), k)
         here, wider = (
             fitted_from(found, {**values, gap: by * values[gap]}, FEW_ROUNDS, others) for by in (1.0, WIDER)

@@ -153,8 +153,8 @@ def bridges(candidate: Candidate) -> bool:
 def as_coupled(scene: Scene, found: Fitted, candidate: Candidate) -> Fitted:
     """The candidate on all moves from where the estimator puts two axes with a bridge between them. Where each side
     rests tells only once it is known where the other one does, and until then the masses and the friction of both are
-    driven away; so the rests are found first, in turns. What takes a part of what is missing is led on from there before
-    anything else is tried, however far it still is: two drives have many numbers, and two gaps many valleys."""
+    driven away; so the rests are found first, in turns. What takes a part of what is missing is led on from there
+    before anything else is tried, however far it still is: two drives have many numbers, and two gaps many valleys."""
     moves, held = unanswering(found.moves), np.zeros(0, dtype=np.int64)
     begun = fit(
         moves, candidate.model, point_at(candidate.model, scene.coupled, moves), FIRST_ROUNDS, free=held
