@@ -17,7 +17,10 @@ from service.identification.selection import Trial
 
 
 def stub(rms: float, name: str = "") -> Any:
-    model, at = SimpleNamespace(parameters=(), effects=(), lumps=2), SimpleNamespace(local=(), shared=())
+    model, at = (
+        SimpleNamespace(axes=("X1",), parameters=(), effects=(), lumps=2),
+        SimpleNamespace(local=(), shared=()),
+    )
     return cast(Any, SimpleNamespace(rms=rms, moves=("every",), model=model, at=at, name=name))
 
 
@@ -48,6 +51,38 @@ def test_a_declared_model_that_lacks_something_is_not_finished(monkeypatch: Any)
     for one in (trial("declared", 1.5), trial("with an effect", 2.5)):
         with pytest.raises(AssertionError, match="finished"):
             moves_end.ended(scene, one)
+
+
+@pytest.mark.parametrize(
+    ("axes", "reached", "known", "wider"),
+    [(2, False, 2e-3, True), (2, True, 2e-3, False), (2, False, 0.1, False), (1, False, 2e-3, False)],
+)
+def test_a_gap_that_the_other_axis_keeps_from_being_crossed_is_not_claimed_to_be_known(
+    monkeypatch: pytest.MonkeyPatch, axes: int, reached: bool, known: float, wider: bool
+) -> None:
+    """The second flank is met at a logarithm of 0: past it nothing changes, but the slope there says it would."""
+    names = [f"X{1 + x}.backlash" for x in range(axes)]
+    model = SimpleNamespace(axes=names_of(names), parameters=[SimpleNamespace(name=name) for name in names])
+
+    def at(values: dict[str, float]) -> Any:
+        u = np.log([values[name] for name in names])
+        own = np.where(u > 0.0, u if reached else 0.0, u) / known
+        return SimpleNamespace(model=model, moves=(), at=SimpleNamespace(shared=u), values=values, r=own)
+
+    monkeypatch.setattr(moves_end, "values_at", lambda found: found.values)
+    monkeypatch.setattr(moves_end, "covariance", lambda _found: np.eye(axes) * known**2)
+    monkeypatch.setattr(moves_end, "fitted_from", lambda _found, values, _rounds, _free: at(values))
+    monkeypatch.setattr(
+        moves_end,
+        "fit",
+        lambda _m, _model, point, _r: at(dict(zip(names, np.exp(point.shared), strict=True))),
+    )
+    gaps = moves_end.out_of_reach(at(dict.fromkeys(names, 1.0))).values
+    assert [bool(gap > 1.01) for gap in gaps.values()] == [wider] * axes
+
+
+def names_of(parameters: list[str]) -> tuple[str, ...]:
+    return tuple(name.partition(".")[0] for name in parameters)
 
 
 @pytest.mark.parametrize(("left", "steadied"), [(1.5, True), (1.7, False)])

@@ -14,10 +14,12 @@ from service.dynamics.effects.driven_library import DRIVEN
 from service.identification import moves_hidden
 from service.identification.axis_explain import HIDDEN
 from service.identification.moves_hidden import (
+    SPRINGS,
     Gain,
     as_heard_by_motors,
     closed,
     divisions,
+    hardly_damped,
     hidden,
     judged_by_motors,
     otherwise_divided,
@@ -70,6 +72,20 @@ def test_the_motors_must_say_the_same_in_moves_that_were_not_fitted(
     judged = judged_by_motors("gearbox_clearance", Gain(errors, (5.0, 2.0)), trials, heard, 20)
     assert judged.why == why
     assert judged.accepted is (why == "what the motors speak of, in the held-out moves, too")
+
+
+@pytest.mark.parametrize(("left", "accepted"), [(7.68, False), (3.9, True), (5.0, True)])
+def test_what_leaves_the_other_moves_as_they_are_has_no_name(
+    monkeypatch: pytest.MonkeyPatch, left: float, accepted: bool
+) -> None:
+    """A film of grease that two gaps imitate where they were fitted: the motors are louder there, and quieter with two
+    gaps, but the accelerometer of the other moves stays as it was."""
+    monkeypatch.setattr(moves_hidden, "closed", lambda _fitted: ())
+    trials = (trial(4.0, 7.81), trial(1.5, left))
+    heard = (as_heard(trials[0]), as_heard(trials[1]))
+    judged = judged_by_motors("gearbox_clearance", Gain((3.0, 1.2), (5.0, 2.0)), trials, heard, 20)
+    assert judged.accepted is accepted
+    assert ("leaves the other moves as they are" in judged.why) is not accepted
 
 
 @pytest.mark.parametrize(
@@ -389,6 +405,7 @@ def two_gaps(backlash: float, clearance: float, rms: float = 2.0, contact: float
     values = {
         "X1.backlash": backlash,
         "X1.clearance": clearance,
+        "X1.gear_stiffness": 1e6,
         "X1.pinion_stiffness": 2e6,
         "X1.contact_stiffness": contact,
         "X1.contact_damping_ratio": 3.1,
@@ -411,14 +428,31 @@ def test_all_play_is_divided_from_end_to_end_and_then_near_by(
     monkeypatch: pytest.MonkeyPatch, contact: float, chains: int, near_by: bool
 ) -> None:
     monkeypatch.setattr(moves_hidden, "values_at", lambda found: found.values)
-    begun = list(divisions(two_gaps(80e-6, 20e-6, contact=contact), near_by))
+    every = list(divisions(two_gaps(80e-6, 20e-6, contact=contact), near_by))
+    begun = every[: chains * (6 if near_by else 19)]
     shares = [one["X1.backlash"] / 100e-6 for one in begun]
     assert [one["X1.backlash"] + one["X1.clearance"] for one in begun] == pytest.approx([100e-6] * len(begun))
-    assert len(begun) == chains * (6 if near_by else 19)
+    assert len(every) - len(begun) == (0 if near_by else len(SPRINGS) ** 2), (
+        "and on chains that are hardly damped"
+    )
     spread = (0.72, 0.88) if near_by else (0.05, 0.95)
     assert (min(shares), max(shares)) == pytest.approx(spread)
     assert {one["X1.contact_stiffness"] for one in begun} == ({1e6} if chains == 1 else {5e6, 2e6})
     assert {"X1.contact_damping_ratio" in one for one in begun} == {near_by}, "the wrong division's corner"
+
+
+def test_a_chain_that_is_hardly_damped_has_all_springs_about_those_found() -> None:
+    """What a wrong chain damps away it keeps, as it is divided; both springs go either way, each with each."""
+    found = two_gaps(80e-6, 20e-6)
+    begun = list(hardly_damped(found.model, found.values))
+    springs = {(one["X1.gear_stiffness"] / 1e6, one["X1.pinion_stiffness"] / 2e6) for one in begun}
+    assert springs == {(gear, pinion) for gear in SPRINGS for pinion in SPRINGS}
+    assert min(SPRINGS) < 0.5 < 1.0 in SPRINGS
+    assert max(SPRINGS) > 2.0
+    for one in begun:
+        assert one["X1.gear_damping_ratio"] == one["X1.pinion_damping_ratio"] <= 0.01
+        assert (one["X1.backlash"], one["X1.clearance"]) == (80e-6, 20e-6)
+        assert one["X1.contact_damping_ratio"] == 3.1
 
 
 @pytest.mark.parametrize(("rms", "turns"), [(2.0, 2), (1.25, 1), (0.99, 1)])

@@ -130,6 +130,33 @@ def test_what_contains_another_is_taken_only_for_a_gain_of_its_own_and_is_no_riv
 
 
 @pytest.mark.parametrize(
+    ("inner", "outer", "named"),
+    [
+        ((1.03, 1.18), (0.99, 1.0), "spring"),
+        ((1.03, 1.18), (1.03, 1.0), "force"),
+        ((1.0, 1.08), (0.99, 0.99), "force"),
+    ],
+)
+def test_what_contains_another_is_taken_where_it_explains_nearly_all_that_that_leaves(
+    inner: tuple[float, float], outer: tuple[float, float], named: str
+) -> None:
+    """A soft spring is a constant force, but for a sixth of the held-out error: in all moves, and more than is left
+    beside a constant force that is one."""
+    before = replace(trial(5.0, 0), train_rms=3.0)
+    trials = {
+        name: replace(trial(held, 0), train_rms=train)
+        for name, (train, held) in (("force", inner), ("spring", outer))
+    }
+    found = select(
+        before,
+        lambda _p, taken: {} if taken else trials,
+        limits=Limits(enough=0.6, further=(0.25, 1.6)),
+        contains=lambda name: ("force",) if name == "spring" else (),
+    )
+    assert found.effects == (named,)
+
+
+@pytest.mark.parametrize(
     ("name", "rms", "rivals"), [("filter", 0.54, 1), ("filter", 0.56, 0), ("gain", 0.54, 0)]
 )
 def test_what_is_nearly_the_same_is_a_rival_as_long_as_it_comes_nearly_as_near(
