@@ -10,13 +10,14 @@ it from one.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 
+from service.backlash.moves import Moves
 from service.backlash.moves_begun import Values
 from service.backlash.moves_fit import Fitted, Point, fit, reconstructed, values_at
 from service.dynamics.driven_model import LINKS, DrivenEffect, Model
@@ -39,7 +40,7 @@ from service.identification.moves_starts import (
     unanswering,
 )
 from service.identification.moves_starts import Candidate as DrivenCandidate
-from service.identification.moves_valleys import SEED, asked, left_at_present, valleys, worth_following
+from service.identification.moves_valleys import QUICK, SEED, asked, left_at_present, valleys, worth_following
 from service.identification.scene import Scene
 from service.identification.selection import (
     CHANGED,
@@ -64,8 +65,9 @@ LED = 2
 """How many of the valleys of a few moves are followed further on all moves (chosen)."""
 SHARES, NEAR_BY = np.linspace(0.05, 0.95, 19), np.array([0.02, 0.04, 0.08])
 """Shares of all play with which the backlash is begun, and how far from the one that is reached afterwards (chosen)."""
-DIVIDED, FOLLOWED = 6, 3
-"""How often at most a fit is begun with its play otherwise divided, and how many of those are fitted to all moves."""
+DIVIDED, COMPARED, FOLLOWED = 6, 8, (3, 1)
+"""How often at most a fit is begun with its play otherwise divided; how many of each kind of beginnings are compared;
+and how many are fitted to all moves, of those from afar and of those from near by (chosen)."""
 LIGHT, SPRINGS = 0.01, np.geomspace(0.4, 2.5, 5)
 """Damping ratio of a chain that is hardly damped, and by what its springs are multiplied there (chosen: as it swings,
 so narrow is the valley, and a third of the damping and the springs half as far apart lead there as well)."""
@@ -108,35 +110,49 @@ def led_through_rests(found: Fitted) -> Fitted:
 
 
 def otherwise_divided(found: Fitted) -> Fitted:
-    """The fit, or the nearest that begins with its play otherwise divided between the two gaps, by samples and motors
-    together, then from near by, as long as that is nearer and more than noise is left: a few moves choose where all are
-    fitted, and choose none that comes no nearer to them and leaves more than unknown numbers do. All play from end to
-    end is tried however near the fit is: what the noise is put at may be too much."""
+    """The fit, or the nearest that begins with its play otherwise divided between the two gaps, or on a chain that is
+    hardly damped, by samples and motors together, then from near by, as long as that is nearer and more than noise is
+    left: a few moves choose where all are fitted, and choose none that comes no nearer to them and leaves more than
+    unknown numbers do. All play from end to end is tried however near the fit is: what the noise is put at may be too
+    much."""
     for turn in range(DIVIDED):
         if turn and found.rms_with_motors < 1.0:
             break
         few, own = asked(found), (own_of_few(found),)
-        begun = (begun_at(few, found.model, values, own) for values in divisions(found, near_by=turn > 0))
-        best = sorted((fit(few, found.model, at, BRIEF) for at in begun), key=lambda f: f.rms_with_motors)
+        ways = [divisions(found, near_by=turn > 0)]
+        if not turn:
+            ways.append(hardly_damped(found.model, values_at(found)))
+        best = leading([one for way in ways for one in promising_of_few(few, found, way)], FOLLOWED[turn > 0])
         present = fit(few, found.model, Point(found.at.shared, own), BRIEF).rms_with_motors
         if present > UNKNOWN_NUMBERS and best[0].rms_with_motors > NEARER * present:
             break
-        starts = (fitted_from(found, values_at(one), 0) for one in best[:FOLLOWED])
-        before, near = found, sorted(map(jointly, starts), key=lambda f: f.rms_with_motors)
+        starts = (fitted_from(found, values_at(one), 0) for one in best)
+        before, near = found, leading(map(jointly, starts), FOLLOWED[0])
         led = (
             led_through_rests(one) for one in near if one.rms_with_motors < AGAINST * near[0].rms_with_motors
         )
-        found = min([found, *led], key=lambda f: f.rms_with_motors)
+        found = leading([found, *led], 1)[0]
         if found.rms_with_motors > RIDGE * before.rms_with_motors:
             break
     return found
 
 
+def promising_of_few(few: Sequence[Moves], found: Fitted, ways: Iterable[Values]) -> list[Fitted]:
+    """Fits of a few moves from these values, of those that come nearest after a few rounds."""
+    begun = (begun_at(few, found.model, values, (own_of_few(found),)) for values in ways)
+    quick = leading((fit(few, found.model, at, QUICK) for at in begun), COMPARED)
+    return [fit(few, found.model, one.at, BRIEF - QUICK) for one in quick]
+
+
+def leading(fits: Iterable[Fitted], count: int) -> list[Fitted]:
+    """The fits that are nearest to their moves and motors."""
+    return sorted(fits, key=lambda f: f.rms_with_motors)[:count]
+
+
 def divisions(found: Fitted, near_by: bool) -> Iterator[Values]:
     """The values of a fit with all play otherwise divided, somewhat, or from end to end without its damping, which a
     wrong division drives into a corner; with its chain and with shaft and contact exchanged if the contact is the
-    stiffer one. From afar also as it is divided on chains that are hardly damped: a wrong chain is damped until it does
-    not chatter, and from there no fit finds the one that does."""
+    stiffer one."""
     present = values_at(found)
     gaps = [(f"{axis}.backlash", f"{axis}.clearance") for axis in found.model.axes]
     both = [present[first] + present[second] for first, second in gaps]
@@ -146,12 +162,11 @@ def divisions(found: Fitted, near_by: bool) -> Iterator[Values]:
     for values in filter(None, (kept, softer_contact(kept, found.model))):
         for share in np.clip(shares, SHARES[0], SHARES[-1]):
             yield dict(found.model.effects[-1].divided(values, 1.0 - share))
-    if not near_by:
-        yield from hardly_damped(found.model, present)
 
 
 def hardly_damped(model: Model, values: Values) -> Iterator[Values]:
-    """The values with other springs between motor and flanks that hardly damp."""
+    """The values with other springs between motor and flanks that hardly damp: a wrong chain is damped until it does
+    not chatter, and from there no fit finds the one that does."""
     links = LINKS[model.lumps]
     for factors in product(SPRINGS, repeat=len(links)):
         out = dict(values)
