@@ -26,7 +26,7 @@ from service.identification.held_out import DESCRIBED, Explained, trial_of
 from service.identification.moves_end import RIDGE, SOUND, settled
 from service.identification.moves_looks import VALLEYS, noted
 from service.identification.moves_lying import lying_as_left, pinions_lie
-from service.identification.moves_motors import CONTRADICTED, nothing_left, of_moves
+from service.identification.moves_motors import CONTRADICTED, left_by_motors, nothing_left, of_moves
 from service.identification.moves_ridges import NEARER, at_all_frequencies, put_back
 from service.identification.moves_search import AGAINST, FIRST_ROUNDS, carried, describes_all, judged
 from service.identification.moves_starts import (
@@ -71,6 +71,9 @@ and how many are fitted to all moves, of those from afar and of those from near 
 LIGHT, SPRINGS = 0.01, np.geomspace(0.4, 2.5, 5)
 """Damping ratio of a chain that is hardly damped, and by what its springs are multiplied there (chosen: as it swings,
 so narrow is the valley, and a third of the damping and the springs half as far apart lead there as well)."""
+BY_NUMBERS_ONLY = 1.8
+"""What the motors' equations of motion may leave, over the noise, once the present model is fitted to them, too: it was
+numbers by which they contradicted it (chosen: those with two gaps leave 2.1 and more, many others 1.4 to 1.7)."""
 OF_FEW = 0.4
 """Share of what a few moves and their motors show from which on what takes it is fitted to all (chosen: two gaps
 take about half of it or more where they are found at all, and up to two fifths on machines that have but one)."""
@@ -186,13 +189,16 @@ def hidden(
     """What of these `kinds` hides between motor and load, if it takes `PART` of what samples and motors show away from
     the moves that were fitted, and of what the motors show from the others, beyond what chance does for the best
     `of_all` effects; the model before, where none does, and whether it is `hinted` at by less. Nothing is judged where
-    the motors are not heard in the others."""
+    the motors are not heard in the others, or contradict the model no longer once it is fitted to them."""
     base, heard = before.model.fitted, as_heard_by_motors(before)
     tried = candidates(base.model, kinds, ()) if heard.validation_rms else []
+    present, why = at_present(base) if tried else base, "explains nothing of a few moves and their motors"
+    if tried and float(np.max(left_by_motors(present))) <= BY_NUMBERS_ONLY:
+        tried, why = [], "needed by no motor once the model is fitted to them, too"
     begun = [valley for candidate in tried for valley in promising(scene, base, candidate)]
     if not begun:
-        return Selection(before, before, (), tuple(nothing_shown(before, one.name) for one in tried), ())
-    present = at_present(base)
+        none = tuple(Candidate(kind.name, before.held_rms, 1.0, False, why) for kind in kinds)
+        return Selection(before, before, (), none if heard.validation_rms else (), ())
     nearest = on_all_moves(base, begun, present)
     name, gain = nearest.model.effects[-1].name, Gain.of(present, nearest)
     trial = trial_of(scene, nearest, thorough=gain.is_of(PART))
@@ -265,11 +271,6 @@ def swinging(
             if of_all.rms < SOUND:
                 out[candidate.name] = judged(scene, before, settled(of_all, ROUNDS))
     return out
-
-
-def nothing_shown(before: Trial[Explained], name: str) -> Candidate:
-    """The judgement on what a few moves and their motors speak against."""
-    return Candidate(name, before.held_rms, 1.0, False, "explains nothing of a few moves and their motors")
 
 
 class Gain(NamedTuple):

@@ -193,6 +193,7 @@ def test_less_than_half_is_a_hint_and_next_to_nothing_none(
     monkeypatch.setattr(moves_hidden, "promising", lambda *_: fits)
     monkeypatch.setattr(moves_hidden, "on_all_moves", lambda _base, fits, _present: fits[-1])
     monkeypatch.setattr(moves_hidden, "at_present", lambda found: found)
+    monkeypatch.setattr(moves_hidden, "left_by_motors", lambda found: found.motors)
     monkeypatch.setattr(moves_hidden, "nothing_left", lambda _found: described)
     monkeypatch.setattr(moves_hidden, "describes_all", lambda _before, _trial: described)
     divided: list[float] = []
@@ -210,20 +211,30 @@ def test_less_than_half_is_a_hint_and_next_to_nothing_none(
     assert divided == [nearest] * (not described), "also of what is next to nothing, as a wrong division is"
 
 
+@pytest.mark.parametrize(
+    ("by_motors", "why"),
+    [
+        (2.1, "explains nothing of a few moves and their motors"),
+        (1.7, "needed by no motor once the model is fitted to them, too"),
+    ],
+)
 def test_what_few_moves_and_their_motors_speak_against_is_not_fitted_to_all(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, by_motors: float, why: str
 ) -> None:
-    """A ripple leaves the motors' equations of motion, too: two gaps take none of it."""
+    """A ripple leaves the motors' equations of motion, too: two gaps take none of it. What other numbers of the model
+    take away is not searched for at all."""
+    searched: list[Any] = []
     effect = SimpleNamespace(name="gearbox_clearance")
     before: Trial[Any] = replace(trial(4.0), model=SimpleNamespace(fitted=SimpleNamespace(model="declared")))
     monkeypatch.setattr(moves_hidden, "as_heard_by_motors", as_heard)
     monkeypatch.setattr(moves_hidden, "candidates", lambda *_: [effect])
-    monkeypatch.setattr(moves_hidden, "promising", lambda *_: [])
+    monkeypatch.setattr(moves_hidden, "at_present", lambda found: found)
+    monkeypatch.setattr(moves_hidden, "left_by_motors", lambda _found: np.array([1.0, by_motors]))
+    monkeypatch.setattr(moves_hidden, "promising", lambda *asked: searched.append(asked) or [])
     found = hidden(cast(Any, None), before, HIDDEN, 20, lambda _text: None)
+    assert len(searched) == (by_motors > 2.0)
     assert (found.effects, found.hinted, found.after) == ((), False, before)
-    assert [(c.effect, c.accepted, c.why) for c in found.candidates] == [
-        ("gearbox_clearance", False, "explains nothing of a few moves and their motors")
-    ]
+    assert [(c.effect, c.accepted, c.why) for c in found.candidates] == [("gearbox_clearance", False, why)]
 
 
 @pytest.mark.parametrize(
