@@ -134,10 +134,10 @@ def led_on(found: Fitted, near: float = HOPELESS, places: Sequence[Values] = ())
 
 def followed(on: Fitted, rounds: int) -> Fitted:
     """A fit that may be the right one, out of its corners and in turns with the motors' motion."""
-    return out_of_reach(swung_in(as_damped(in_turns(out_of_corner(on, rounds)))))
+    return wider_where_unreached(swung_in(as_damped(in_turns(out_of_corner(on, rounds)))))
 
 
-def out_of_reach(found: Fitted) -> Fitted:
+def wider_where_unreached(found: Fitted) -> Fitted:
     """The fit with every gap wider whose second flank the load need not come to: where another axis holds it, it may
     come there only because the gap is as wide as the fit says. A slope that is taken there claims that the moves tell
     how wide it is, and shows nothing of how well they are described by one that is wider."""
@@ -283,7 +283,9 @@ def steady(found: Fitted) -> Fitted:
     white = agreed(other) if other.rms < RIDGE * white.rms else white
     still = whitened(white, False)
     damped = as_damped(still)
-    return out_of_reach(still if damped is still else whitened(agreed(whitened(damped, True)), False))
+    return wider_where_unreached(
+        still if damped is still else whitened(agreed(whitened(damped, True)), False)
+    )
 
 
 def whitened(found: Fitted, white: bool) -> Fitted:

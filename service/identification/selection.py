@@ -41,7 +41,7 @@ LEFT = 1.6
 """RMS over the noise up to which the effects of a model count as the whole explanation (chosen)."""
 LEFT_BY_CLEAN = 1.25
 """RMS over what is expected up to which what is left may be next to nothing (chosen)."""
-BY_NUMBERS = 1.1
+LEFT_BY_INNER = 1.1
 """Held-out RMS from which on what a model leaves of moves that it describes may be what one that contains it explains
 (chosen: a constant force leaves up to this beside nothing else)."""
 CHANGED = 4.0
@@ -323,7 +323,7 @@ def _without_containing(
 def _more_than(inner: Trial[ModelT], trial: Trial[ModelT], share: float) -> bool:
     """Whether an effect removes such a `share` more of the held-out RMS than one that it contains, or nearly all that
     this leaves of all moves, where that is more than the right one leaves."""
-    most = inner.held_rms > BY_NUMBERS and gone_from_all(inner, trial, EXPLAINED)
+    most = inner.held_rms > LEFT_BY_INNER and gone_from_all(inner, trial, EXPLAINED)
     return most or trial.held_rms < (1.0 - share) * inner.held_rms
 
 

@@ -77,7 +77,7 @@ def test_a_gap_that_the_other_axis_keeps_from_being_crossed_is_not_claimed_to_be
         "fit",
         lambda _m, _model, point, _r: at(dict(zip(names, np.exp(point.shared), strict=True))),
     )
-    gaps = moves_end.out_of_reach(at(dict.fromkeys(names, 1.0))).values
+    gaps = moves_end.wider_where_unreached(at(dict.fromkeys(names, 1.0))).values
     assert [bool(gap > 1.01) for gap in gaps.values()] == [wider] * axes
 
 
