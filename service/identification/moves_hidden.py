@@ -125,16 +125,18 @@ def otherwise_divided(found: Fitted) -> Fitted:
         ways = [divisions(found, near_by=turn > 0)]
         if not turn:
             ways.append(hardly_damped(found.model, values_at(found)))
-        best = leading([one for way in ways for one in promising_of_few(few, found, way)], FOLLOWED[turn > 0])
+        best = nearest_of(
+            [one for way in ways for one in promising_of_few(few, found, way)], FOLLOWED[turn > 0]
+        )
         present = fit(few, found.model, Point(found.at.shared, own), BRIEF).rms_with_motors
         if present > UNKNOWN_NUMBERS and best[0].rms_with_motors > NEARER * present:
             break
         starts = (fitted_from(found, values_at(one), 0) for one in best)
-        before, near = found, leading(map(jointly, starts), FOLLOWED[0])
+        before, near = found, nearest_of(map(jointly, starts), FOLLOWED[0])
         led = (
             led_through_rests(one) for one in near if one.rms_with_motors < AGAINST * near[0].rms_with_motors
         )
-        found = leading([found, *led], 1)[0]
+        found = nearest_of([found, *led], 1)[0]
         if found.rms_with_motors > RIDGE * before.rms_with_motors:
             break
     return found
@@ -143,11 +145,11 @@ def otherwise_divided(found: Fitted) -> Fitted:
 def promising_of_few(few: Sequence[Moves], found: Fitted, ways: Iterable[Values]) -> list[Fitted]:
     """Fits of a few moves from these values, of those that come nearest after a few rounds."""
     begun = (begun_at(few, found.model, values, (own_of_few(found),)) for values in ways)
-    quick = leading((fit(few, found.model, at, QUICK) for at in begun), COMPARED)
+    quick = nearest_of((fit(few, found.model, at, QUICK) for at in begun), COMPARED)
     return [fit(few, found.model, one.at, BRIEF - QUICK) for one in quick]
 
 
-def leading(fits: Iterable[Fitted], count: int) -> list[Fitted]:
+def nearest_of(fits: Iterable[Fitted], count: int) -> list[Fitted]:
     """The fits that are nearest to their moves and motors."""
     return sorted(fits, key=lambda f: f.rms_with_motors)[:count]
 
