@@ -194,13 +194,14 @@ def hidden(
     the motors are not heard in the others, or contradict the model no longer once it is fitted to them."""
     base, heard = before.model.fitted, as_heard_by_motors(before)
     tried = candidates(base.model, kinds, ()) if heard.validation_rms else []
-    present, why = at_present(base) if tried else base, "explains nothing of a few moves and their motors"
-    if tried and float(np.max(left_by_motors(present))) <= BY_NUMBERS_ONLY:
-        tried, why = [], "needed by no motor once the model is fitted to them, too"
-    begun = [valley for candidate in tried for valley in promising(scene, base, candidate)]
+    present = at_present(base) if tried else base
+    by_numbers = bool(tried) and float(np.max(left_by_motors(present))) <= BY_NUMBERS_ONLY
+    begun = [] if by_numbers else [valley for one in tried for valley in promising(scene, base, one)]
     if not begun:
-        none = tuple(Candidate(kind.name, before.held_rms, 1.0, False, why) for kind in kinds)
-        return Selection(before, before, (), none if heard.validation_rms else (), ())
+        why = "needed by no motor once the model is fitted to them, too"
+        why = why if by_numbers else "explains nothing of a few moves and their motors"
+        none = tuple(Candidate(one.name, before.held_rms, 1.0, False, why) for one in tried)
+        return Selection(before, before, (), none, ())
     nearest = on_all_moves(base, begun, present)
     name, gain = nearest.model.effects[-1].name, Gain.of(present, nearest)
     trial = trial_of(scene, nearest, thorough=gain.is_of(PART))

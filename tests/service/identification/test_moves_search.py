@@ -778,3 +778,23 @@ def test_the_motors_of_held_out_moves_are_followed_only_for_what_may_be_named(
     monkeypatch.setattr(moves_search, "may_be_named", lambda *_: may_be_named)
     trial = moves_search.judged(cast(Any, None), cast(Any, None), cast(Any, None))
     assert (followed, trial) == (asked, len(asked))
+
+
+@pytest.mark.parametrize(
+    ("rms", "led"), [(11.0, True), (25.0, False), (1.04, False)], ids=["a part", "hardly any", "near"]
+)
+def test_what_couples_two_axes_is_led_on_first_where_it_takes_a_part(
+    monkeypatch: Any, rms: float, led: bool
+) -> None:
+    """28 of the noise without a bridge: what is near is ended later, as all are; what takes nothing is none."""
+    found = cast(Any, SimpleNamespace(moves=(), rms=28.0))
+    candidate = cast(Any, SimpleNamespace(model="coupled"))
+    monkeypatch.setattr(moves_search, "unanswering", lambda moves: moves)
+    monkeypatch.setattr(moves_search, "point_at", lambda *_: "estimator's")
+    monkeypatch.setattr(moves_search, "rests_found", lambda *_: "rests")
+    monkeypatch.setattr(moves_search, "fit", lambda *_, **__: SimpleNamespace(at="at", rms=rms))
+    monkeypatch.setattr(moves_search, "with_own_errors", lambda one: one)
+    monkeypatch.setattr(moves_search, "settled", lambda _one, _rounds, ridges: ("led", ridges))
+    scene = cast(Any, SimpleNamespace(coupled={}))
+    coupled = cast(Any, moves_search.as_coupled(scene, found, candidate))
+    assert (coupled == ("led", HOWEVER_FAR)) is led
