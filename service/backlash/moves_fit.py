@@ -53,10 +53,12 @@ Free = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Point:
-    """shared : (P,); local : per recording (T, L), the coordinates of each move."""
+    """shared : (P,); local : per recording (T, L), the coordinates of each move; in_vain : (P,), the shared ones about
+    which other valleys were looked for and none was found, if that was done on the way here."""
 
     shared: FloatArray
     local: tuple[FloatArray, ...]
+    in_vain: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -185,7 +187,7 @@ def limits(model: Model) -> FloatArray:
 def within(model: Model, at: Point) -> Point:
     """The point with every shared coordinate where its parameter has a value of its own."""
     low, high = limits(model).T
-    return Point(np.clip(at.shared, low, high), at.local)
+    return replace(at, shared=np.clip(at.shared, low, high))
 
 
 def stopped(model: Model, at: Point, free: Free, g: FloatArray) -> NDArray[np.bool_]:
@@ -230,7 +232,7 @@ def moved(model: Model, at: Point, step: FloatArray, free: Free) -> Point:
     for own in at.local:
         local.append(np.clip(own + step[first : first + own.size].reshape(own.shape), -OWN_FAR, OWN_FAR))
         first += own.size
-    return Point(shared, tuple(local))
+    return replace(at, shared=shared, local=tuple(local))
 
 
 def cost(at: Point, r: FloatArray, scale: float, free: Free) -> float:
@@ -305,7 +307,7 @@ def settle_locally(
         own, here, _, _ = own_step(part, model, at.shared, own, here, scale, dampings)
         local.append(own)
         rows.append(here)
-    return Point(at.shared, tuple(local)), np.concatenate(rows)
+    return replace(at, local=tuple(local)), np.concatenate(rows)
 
 
 def of_recordings(moves: Sequence[Moves], r: FloatArray) -> list[FloatArray]:
@@ -333,7 +335,7 @@ def fit_each(moves: Sequence[Moves], model: Model, at: Point, rounds: int, toler
                 kept = tried[which, np.arange(len(which))]
                 dampings[k] = np.clip(np.where(which < 0, 100.0 * dampings[k], kept), 1e-6, 1e6)
                 gained += gain
-            at, r = Point(at.shared, tuple(local)), np.concatenate(rows)
+            at, r = replace(at, local=tuple(local)), np.concatenate(rows)
             if gained < tolerance:
                 break
     return fitted(moves, model, at, r, np.zeros(0, dtype=np.int64), of_samples)

@@ -25,7 +25,14 @@ from service.identification.moves_rests import (
     swinging_on,
     swings_at_all,
 )
-from service.identification.moves_ridges import other_sizes, over_ridges, put_back, swinging_otherwise
+from service.identification.moves_ridges import (
+    as_motors_tell,
+    hardly_damped_chain,
+    other_sizes,
+    over_ridges,
+    put_back,
+    swinging_otherwise,
+)
 from service.identification.moves_starts import (
     ROUNDS,
     SUMMED,
@@ -56,6 +63,9 @@ CORNER = ("turnover_speed", "turnover_spread", "damping_ratio", *TOLERANCES)
 """Numbers in a corner that a fit is led out of by the loads' speeds; the guide's friction is kept."""
 RIDGE = 0.995
 """RMS, over that of a fit, from which on another valley is a better one (chosen)."""
+PLAINLY_NEARER = 0.9
+"""RMS, over that of the declared model's fit, below which it lies in another valley and not elsewhere in the same one
+(chosen)."""
 FURTHER = 3
 """How often a fit that may be the right one is led over further ridges at most (chosen)."""
 OF_PINION = 1.0 / 3.0
@@ -104,13 +114,17 @@ def settled_present(found: Fitted, rounds: int) -> Fitted:
 
 def declared_end(fits: Iterable[Fitted], rounds: int) -> Fitted:
     """Where the fits of the declared model end that is nearest: the first, or the best of all where settling takes most
-    of what it leaves, so that how near it came before says little."""
+    of what it leaves, so that how near it came before says little; or where the motors tell another valley."""
     ends = list[Fitted]()
     for found in fits:
         ends.append(settled_present(found, rounds))
         if ends[-1].rms > BY_SETTLING * found.rms:
             break
-    return min(ends, key=lambda f: f.rms)
+    nearest = min(ends, key=lambda f: f.rms)
+    if nearest.rms > SOUND and (told := as_motors_tell(nearest)) is not nearest:
+        other = settled_present(told, rounds)
+        return other if other.rms < PLAINLY_NEARER * nearest.rms else nearest
+    return nearest
 
 
 def led_on(found: Fitted, near: float = HOPELESS, places: Sequence[Values] = ()) -> Fitted:
@@ -272,15 +286,17 @@ def with_own_errors(found: Fitted) -> Fitted:
 def steady(found: Fitted) -> Fitted:
     """The fit continued until it and the motion of the motors that is reconstructed from it agree: each takes the other
     along, and the numbers that no sample tells by itself, such as the parts of friction, arrive last. Every move may
-    wander as the noise of its speed lets it; what leaves more than is expected then is led over further ridges. Masses,
-    springs and dampings that no chain has are left here once more. A hopeless fit stays what it is."""
+    wander as the noise of its speed lets it; what leaves more than is expected then is led over further ridges, and to
+    chains that hardly damp: one that damps what the machine's does not is a valley of its own. Masses, springs and
+    dampings that no chain has are left here once more. A hopeless fit stays what it is."""
     if found.rms >= HOPELESS:
         return found
     if cornered(found):
         found = min(found, begun_by_speeds(found), key=lambda f: f.rms)
     white = agreed(whitened(found, True))
-    other = over_ridges(white) if white.rms > 1.0 else white
-    white = agreed(other) if other.rms < RIDGE * white.rms else white
+    for elsewhere, least in ((over_ridges, 1.0), (hardly_damped_chain, ENDED)):
+        other = elsewhere(white) if white.rms > least else white
+        white = agreed(other) if other.rms < RIDGE * white.rms else white
     still = whitened(white, False)
     damped = as_damped(still)
     return wider_where_unreached(

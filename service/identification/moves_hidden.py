@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -20,14 +19,14 @@ import numpy as np
 from service.backlash.moves import Moves
 from service.backlash.moves_begun import Values
 from service.backlash.moves_fit import Fitted, Point, fit, reconstructed, values_at
-from service.dynamics.driven_model import LINKS, DrivenEffect, Model
+from service.dynamics.driven_model import DrivenEffect
 from service.identification.explanation import Candidate
 from service.identification.held_out import DESCRIBED, Explained, trial_of
 from service.identification.moves_end import RIDGE, SOUND, settled
 from service.identification.moves_looks import VALLEYS, noted
 from service.identification.moves_lying import lying_as_left, pinions_lie
 from service.identification.moves_motors import CONTRADICTED, left_by_motors, nothing_left, of_moves
-from service.identification.moves_ridges import NEARER, at_all_frequencies, put_back
+from service.identification.moves_ridges import NEARER, at_all_frequencies, hardly_damped, put_back
 from service.identification.moves_search import AGAINST, FIRST_ROUNDS, carried, describes_all, judged
 from service.identification.moves_starts import (
     BRIEF,
@@ -68,9 +67,6 @@ SHARES, NEAR_BY = np.linspace(0.05, 0.95, 19), np.array([0.02, 0.04, 0.08])
 DIVIDED, COMPARED, FOLLOWED = 6, 8, (3, 1)
 """How often at most a fit is begun with its play otherwise divided; how many of each kind of beginnings are compared;
 and how many are fitted to all moves, of those from afar and of those from near by (chosen)."""
-LIGHT, SPRINGS = 0.01, np.geomspace(0.4, 2.5, 5)
-"""Damping ratio of a chain that is hardly damped, and by what its springs are multiplied there (chosen: twice the
-damping led to the planted chain, too, where no other beginning did, and four times did not)."""
 BY_NUMBERS_ONLY = 1.8
 """What the motors' equations of motion may leave, over the noise, once the present model is fitted to them, too: it was
 numbers by which they contradicted it (chosen: those with two gaps leave 2.1 and more, many others 1.4 to 1.7)."""
@@ -169,18 +165,6 @@ def divisions(found: Fitted, near_by: bool) -> Iterator[Values]:
             yield dict(found.model.effects[-1].divided(values, 1.0 - share))
 
 
-def hardly_damped(model: Model, values: Values) -> Iterator[Values]:
-    """The values with other springs between motor and flanks that hardly damp: a wrong chain is damped until it does
-    not chatter, and from there no fit finds the one that does."""
-    links = LINKS[model.lumps]
-    for factors in product(SPRINGS, repeat=len(links)):
-        out = dict(values)
-        for axis, (link, factor) in product(model.axes, zip(links, factors, strict=True)):
-            out[f"{axis}.{link}_stiffness"] *= factor
-            out[f"{axis}.{link}_damping_ratio"] = LIGHT
-        yield out
-
-
 def hidden(
     scene: Scene,
     before: Trial[Explained],
@@ -206,7 +190,7 @@ def hidden(
     name, gain = nearest.model.effects[-1].name, Gain.of(present, nearest)
     trial = trial_of(scene, nearest, thorough=gain.is_of(PART))
     if not (nothing_left(nearest) and describes_all(before, trial)):
-        divided = otherwise_divided(nearest)
+        divided = nearest if closed(nearest) else otherwise_divided(nearest)
         gain = Gain.of(present, divided)
         trial = trial if divided is nearest else trial_of(scene, divided, thorough=gain.is_of(PART))
     tell(f"tried {name}: {gain.together[1]:.3f} with the motors (now {gain.together[0]:.3f})")

@@ -9,6 +9,7 @@ fitted only from one that a few say to be nearer.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -16,12 +17,13 @@ import numpy as np
 from service.backlash.moves import Moves
 from service.backlash.moves_begun import Values, point_at, shared_at
 from service.backlash.moves_fit import Fitted, Point, fit, limits, values_at
-from service.dynamics.driven_model import Model
+from service.dynamics.driven_model import LINKS, Model
 from service.identification.held_out import overdamped
 from service.identification.moves_starts import (
     BRIEF,
     GUIDE,
     ROUNDS,
+    RUBBED,
     SUMMED,
     TOLERANCES,
     Candidate,
@@ -35,7 +37,7 @@ from service.identification.moves_starts import (
     speeds_first,
     strong_of_one_sign,
 )
-from service.identification.moves_valleys import QUICK, SEED
+from service.identification.moves_valleys import QUICK, SEED, asked
 from service.recording import FloatArray
 
 PUT_BACK = ("turnover_speed", "turnover_spread", "coulomb", "viscous", "damping_ratio", "smear")
@@ -49,6 +51,19 @@ FREQUENCIES = np.geomspace(6.0, 120.0, 28)
 ends in another valley)."""
 NEAR_ONES = 8
 """How many of these are continued (chosen)."""
+FROM_AFAR = 10
+"""Rounds by the loads' speeds, and then by samples, of what begins on a typical machine."""
+OTHERWISE = 0.75
+"""RMS of a few moves and their motors, over that of the present fit, up to which the motors speak for another valley
+(chosen: where both end in the same one it is about as great)."""
+LIGHT, SPRINGS = 0.01, np.geomspace(0.4, 2.5, 5)
+"""Damping ratio of a chain that is hardly damped, and by what its springs are multiplied there (chosen: twice the
+damping led to the planted chain, too, where no other beginning did, and four times did not)."""
+COMPARED, AFTER = 8, 3
+"""How many of those are followed after a few rounds, and how many of these to their end (chosen: the last of the eight
+led to a planted chain)."""
+SAME = 0.05
+"""Difference of every number, in standard deviations of its prior, within which a fit stands at the same place."""
 NEARER = 0.99
 """How much nearer to a few moves another valley must be (chosen; all moves decide)."""
 
@@ -56,7 +71,10 @@ NEARER = 0.99
 def over_ridges(found: Fitted, others: Callable[[Fitted], Iterator[FloatArray]] | None = None) -> Fitted:
     """The fit begun once more in the valley that a few moves say is nearer, or itself where they say none is, or all
     moves do not; from ``other_chains`` unless other beginnings are given. What begins on another machine is followed
-    however far it is after a few rounds: it comes from farther than what begins near by, and may lead on."""
+    however far it is after a few rounds: it comes from farther than what begins near by, and may lead on. What was done
+    in vain is not done again from the same place."""
+    if not others and looked_about(found):
+        return found
     few, own = fewer(found), (own_of_few(found),)
     here = fit(few, found.model, Point(found.at.shared, own), BRIEF)
     starts = (others or other_chains)(found)
@@ -69,7 +87,39 @@ def over_ridges(found: Fitted, others: Callable[[Fitted], Iterator[FloatArray]] 
         speeds_first(few, found.model, at, lasting, BRIEF) for at in (here.at, back[1]) for lasting in SUMMED
     ]
     far = [fit(few, found.model, at, BRIEF) for at in back]
-    return if_nearer(found, here, [fit(few, found.model, f.at, ROUNDS) for f in (*leading(near, LAST), *far)])
+    on = if_nearer(found, here, [fit(few, found.model, f.at, ROUNDS) for f in (*leading(near, LAST), *far)])
+    if on is not found or others:
+        return on
+    return replace(found, at=replace(found.at, in_vain=found.at.shared))
+
+
+def looked_about(found: Fitted) -> bool:
+    """Whether other valleys were looked for in vain from where a fit stands."""
+    before = found.at.in_vain
+    if before is None or before.shape != found.at.shared.shape:
+        return False
+    return bool(np.max(np.abs(found.at.shared - before)) < SAME)
+
+
+def as_motors_tell(found: Fitted) -> Fitted:
+    """The fit of one axis begun once more where its motor says that it stands in a wrong valley, or itself where that
+    leaves no more than the samples, or says none that is far nearer: a few moves and their motor are fitted from
+    typical machines with hardly any to much friction, by the load's speed first. The samples of an axis that is pressed
+    against one flank all the way are described by many a machine about as well, and its motor feels most of all how
+    much friction there is."""
+    few = asked(found)
+    here = fit(few, found.model, Point(found.at.shared, (own_of_few(found),)), BRIEF)
+    if here.rms_with_motors <= here.rms or len(found.model.axes) > 1:
+        return found
+    rubbing = [p for p in found.model.parameters if p.name.endswith(GUIDE[0])]
+    machines = ({p.name: float(p.value(u)) for p in rubbing} for u in RUBBED)
+    begun = (point_at(found.model, values, few) for values in machines)
+    near = [speeds_first(few, found.model, at, SUMMED[0], FROM_AFAR) for at in begun]
+    best = min(near, key=lambda f: f.rms_with_motors)
+    best = fit(few, best.model, best.at, ROUNDS)
+    if best.rms_with_motors > OTHERWISE * here.rms_with_motors:
+        return found
+    return fitted_from(found, values_at(best), ROUNDS)
 
 
 def if_nearer(found: Fitted, here: Fitted, others: Sequence[Fitted]) -> Fitted:
@@ -92,6 +142,28 @@ def swinging_otherwise(found: Fitted, places: Sequence[Values] = ()) -> Fitted:
     here = fit(few, found.model, Point(found.at.shared, (own_of_few(found),)), BRIEF)
     tried = leading(at_all_frequencies(few, found.model, (put_back(found), *places)), FOLLOWED)
     return if_nearer(found, here, [fit(few, found.model, one.at, ROUNDS) for one in tried])
+
+
+def hardly_damped_chain(found: Fitted) -> Fitted:
+    """The fit begun once more on a chain that hardly damps; itself where a few moves or all say that none is nearer."""
+    few, own = fewer(found), (own_of_few(found),)
+    here = fit(few, found.model, Point(found.at.shared, own), BRIEF)
+    machines = (begun_at(few, found.model, v, own) for v in hardly_damped(found.model, values_at(found)))
+    tried = leading([fit(few, found.model, at, QUICK) for at in machines], COMPARED)
+    near = leading([fit(few, found.model, one.at, BRIEF) for one in tried], AFTER)
+    return if_nearer(found, here, [fit(few, found.model, one.at, ROUNDS) for one in near])
+
+
+def hardly_damped(model: Model, values: Values) -> Iterator[Values]:
+    """The values with other springs between motor and flanks that hardly damp: a wrong chain is damped until it does
+    not chatter, and from there no fit finds the one that does."""
+    links = LINKS[model.lumps]
+    for factors in product(SPRINGS, repeat=len(links)):
+        out = dict(values)
+        for axis, (link, factor) in product(model.axes, zip(links, factors, strict=True)):
+            out[f"{axis}.{link}_stiffness"] *= factor
+            out[f"{axis}.{link}_damping_ratio"] = LIGHT
+        yield out
 
 
 def at_all_frequencies(few: Sequence[Moves], model: Model, machines: Sequence[Values]) -> list[Fitted]:

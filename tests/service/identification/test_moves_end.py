@@ -168,8 +168,22 @@ def test_other_fits_of_the_declared_model_are_settled_where_that_decides_how_nea
         return stub(ends[found.rms])
 
     monkeypatch.setattr(moves_end, "settled_present", end_of)
+    monkeypatch.setattr(moves_end, "as_motors_tell", lambda found: found)
     assert moves_end.declared_end(map(stub, ends), 12).rms == nearest
     assert len(asked) == settled
+
+
+@pytest.mark.parametrize(
+    ("first", "other", "reached"),
+    [(2.6, 1.5, 1.5), (2.6, 2.5, 2.6), (1.9, 1.5, 1.9)],
+    ids=["nearer", "hardly nearer", "sound as it is"],
+)
+def test_the_declared_model_ends_where_its_motors_tell_if_that_is_nearer(
+    monkeypatch: pytest.MonkeyPatch, first: float, other: float, reached: float
+) -> None:
+    monkeypatch.setattr(moves_end, "settled_present", lambda found, _rounds: found)
+    monkeypatch.setattr(moves_end, "as_motors_tell", lambda _found: stub(other))
+    assert moves_end.declared_end([stub(first)], 12).rms == reached
 
 
 @pytest.mark.parametrize(
@@ -350,16 +364,31 @@ def test_the_way_from_a_motion_that_a_wrong_chain_has_made_leads_uphill(
 
 
 @pytest.mark.parametrize(
-    ("white", "elsewhere", "ended"), [(0.99, 0.9, 0.99), (1.1, 0.9, 0.9), (1.1, 1.0999, 1.1)]
+    ("white", "elsewhere", "light", "ended"),
+    [
+        (0.99, 0.9, 0.9, 0.99),
+        (1.1, 0.9, 1.2, 0.9),
+        (1.1, 1.0999, 1.2, 1.1),
+        (1.1, 1.2, 1.0, 1.0),
+        (1.04, 1.2, 0.9, 1.04),
+    ],
+    ids=[
+        "no more than expected",
+        "over a ridge",
+        "hardly nearer",
+        "hardly damped",
+        "about as much as expected",
+    ],
 )
 def test_what_leaves_no_more_than_is_expected_is_led_over_no_further_ridge(
-    monkeypatch: Any, white: float, elsewhere: float, ended: float
+    monkeypatch: Any, white: float, elsewhere: float, light: float, ended: float
 ) -> None:
     monkeypatch.setattr(moves_end, "cornered", lambda _found: False)
     monkeypatch.setattr(moves_end, "whitened", lambda found, is_white: stub(white) if is_white else found)
     monkeypatch.setattr(moves_end, "agreed", lambda found: found)
     monkeypatch.setattr(moves_end, "as_damped", lambda found: found)
     monkeypatch.setattr(moves_end, "over_ridges", lambda _found: stub(elsewhere))
+    monkeypatch.setattr(moves_end, "hardly_damped_chain", lambda _found: stub(light))
     assert moves_end.steady(stub(1.2)).rms == ended
 
 

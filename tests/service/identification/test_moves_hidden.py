@@ -14,12 +14,10 @@ from service.dynamics.effects.driven_library import DRIVEN
 from service.identification import moves_hidden
 from service.identification.axis_explain import HIDDEN
 from service.identification.moves_hidden import (
-    SPRINGS,
     Gain,
     as_heard_by_motors,
     closed,
     divisions,
-    hardly_damped,
     hidden,
     judged_by_motors,
     otherwise_divided,
@@ -27,6 +25,7 @@ from service.identification.moves_hidden import (
     swinging,
 )
 from service.identification.moves_motors import left_by_motors
+from service.identification.moves_ridges import SPRINGS, hardly_damped
 from service.identification.selection import Trial
 
 

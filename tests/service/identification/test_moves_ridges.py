@@ -64,9 +64,66 @@ def test_a_fit_that_ended_in_another_valley_is_carried_to_the_right_one(
     assert ended(over_ridges(other)).rms < 1.005 * right.rms
 
 
-def test_a_fit_stays_where_no_other_valley_is_nearer(found: Fitted) -> None:
+def test_a_fit_stays_where_no_other_valley_is_nearer_and_none_is_looked_for_there_again(
+    monkeypatch: Any, found: Fitted
+) -> None:
     right = fit(found.moves, found.model, found.at, ROUNDS)
-    assert over_ridges(right) is right
+    stayed = over_ridges(right)
+    np.testing.assert_array_equal(stayed.at.shared, right.at.shared)
+    assert stayed.rms == right.rms
+    further = fit(stayed.moves, stayed.model, stayed.at, 1)
+    aside = replace(further, at=replace(further.at, shared=further.at.shared + 2.0 * moves_ridges.SAME))
+
+    def looked_for(_found: Fitted) -> None:
+        raise AssertionError("looked for")
+
+    monkeypatch.setattr(moves_ridges, "fewer", looked_for)
+    assert over_ridges(further) is further
+    for other, where in ((aside, None), (further, moves_ridges.other_sizes), (right, None)):
+        with pytest.raises(AssertionError, match="looked for"):
+            over_ridges(other, where)
+
+
+@pytest.mark.parametrize(
+    ("here", "elsewhere", "axes", "led"),
+    [
+        (6.3, 1.3, ("X1",), True),
+        (6.3, 5.0, ("X1",), False),
+        (2.5, 1.3, ("X1",), False),
+        (6.3, 1.3, ("X1", "X2"), False),
+    ],
+    ids=["far nearer", "no other valley", "the motors agree", "two axes"],
+)
+def test_a_fit_begins_once_more_where_its_motors_tell_another_valley(
+    monkeypatch: Any, found: Fitted, here: float, elsewhere: float, axes: tuple[str, ...], led: bool
+) -> None:
+    """An axis that is pressed against one flank all the way: 2.6 of the samples, 6.3 with its motor, which many
+    machines with as much friction leave far less of."""
+    begun = list[float]()
+    coulomb = [p.name for p in found.model.parameters].index("X1.coulomb")
+
+    def fitted(_moves: Any, _model: Any, at: Any, *_: Any) -> Any:
+        return SimpleNamespace(
+            model=found.model, at=at, rms=2.6, rms_with_motors=here if at == "here" else elsewhere
+        )
+
+    def by_speeds(_moves: Any, _model: Any, at: Point, *_: Any) -> Any:
+        begun.append(at.shared[coulomb])
+        return fitted(_moves, _model, "begun")
+
+    for name, stand_in in (
+        ("asked", lambda _found: found.moves),
+        ("Point", lambda *_: "here"),
+        ("fit", fitted),
+        ("speeds_first", by_speeds),
+        ("values_at", lambda one: one.at),
+        ("fitted_from", lambda _found, values, _rounds: f"from {values}"),
+    ):
+        monkeypatch.setattr(moves_ridges, name, stand_in)
+    of_axes = replace(found, model=replace(found.model, axes=axes)) if len(axes) > 1 else found
+    end = cast(Any, moves_ridges.as_motors_tell(of_axes))
+    assert end == "from begun" if led else end is of_axes
+    assert sorted(begun) == (list(moves_ridges.RUBBED) if begun else [])
 
 
 def test_another_machine_is_followed_however_far_it_is_after_a_few_rounds(
@@ -84,6 +141,23 @@ def test_another_machine_is_followed_however_far_it_is_after_a_few_rounds(
     followed = cast(Any, over_ridges(found, lambda _found: iter([found.at.shared] * 4)))
     assert followed[moves_ridges.LAST :] == ["machine"] * 3
     assert "machine" not in followed[: moves_ridges.LAST]
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"gear_mass": 4.0, "pinion_mass": 0.3}, {"gear_stiffness": 0.3, "pinion_stiffness": 3.0}],
+    ids=["masses otherwise divided", "springs otherwise divided"],
+)
+def test_a_chain_that_damps_too_much_is_led_to_one_that_hardly_does(
+    found: Fitted, wrong: dict[str, float]
+) -> None:
+    """A Stribeck curve stood at such a chain, a tenth above the noise and two fifths in the other moves."""
+    right = ended(found)
+    other = begun_with(found, gear_damping_ratio=25.0, pinion_damping_ratio=25.0, **wrong)
+    assert ended(other).rms > 1.5 * right.rms
+    assert ended(moves_ridges.hardly_damped_chain(other)).rms < 1.005 * right.rms
+    stayed = moves_ridges.hardly_damped_chain(right)
+    np.testing.assert_array_equal(stayed.at.shared, right.at.shared)
 
 
 def test_other_chains_differ_in_nothing_but_the_chain_and_the_tolerances(found: Fitted) -> None:
