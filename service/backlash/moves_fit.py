@@ -53,12 +53,12 @@ Free = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Point:
-    """shared : (P,); local : per recording (T, L), the coordinates of each move; in_vain : (P,), the shared ones about
-    which other valleys were looked for and none was found, if that was done on the way here."""
+    """shared : (P,); local : per recording (T, L), the coordinates of each move; in_vain : RMS of the fit from which
+    other valleys were looked for on the way here, and its shared coordinates (P,), if none was found."""
 
     shared: FloatArray
     local: tuple[FloatArray, ...]
-    in_vain: FloatArray | None = None
+    in_vain: tuple[float, FloatArray] | None = None
 
 
 @dataclass(frozen=True)
@@ -430,7 +430,7 @@ def rests_found(
             best_own = tried[best, np.arange(len(best))]
             tried[:] = best_own
         local.append(best_own)
-    return Point(at.shared, tuple(local))
+    return replace(at, local=tuple(local))
 
 
 def at_rest(own: FloatArray, model: Model, rest: Mapping[str, float]) -> FloatArray:
@@ -449,7 +449,7 @@ def best_of_each(fits: Sequence[Fitted]) -> Point:
         errors = [costs_of_moves(one, k) for one in fits]
         best = np.argmin(np.nan_to_num(np.stack(errors), nan=np.inf), axis=0)
         local.append(np.stack([one.at.local[k] for one in fits])[best, np.arange(len(part.grids))])
-    return Point(fits[0].at.shared, tuple(local))
+    return replace(fits[0].at, local=tuple(local))
 
 
 def costs_of_moves(found: Fitted, k: int) -> FloatArray:

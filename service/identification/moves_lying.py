@@ -74,7 +74,7 @@ def lying_as_left(
         still = Swings(part.loads, width, {}, np.zeros(len(own)))
         parts.append(replace(part, swings=still, heard=heard))
         local.append(moved)
-    return tuple(parts), Point(at.shared, tuple(local))
+    return tuple(parts), replace(at, local=tuple(local))
 
 
 def as_left_and_told(found: Fitted, share: float) -> tuple[tuple[Moves, ...], Point]:

@@ -59,7 +59,7 @@ def swinging_on(
                 moved[:, j] = (begun - now[p.name][0]) / (on.width * p.spread)
         parts.append(following)
         local.append(np.clip(moved, -20.0, 20.0))
-    return tuple(parts), Point(at.shared, tuple(local))
+    return tuple(parts), replace(at, local=tuple(local))
 
 
 def at_near_frequencies(found: Fitted) -> list[Point]:

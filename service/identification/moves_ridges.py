@@ -62,8 +62,9 @@ damping led to the planted chain, too, where no other beginning did, and four ti
 COMPARED, AFTER = 8, 3
 """How many of those are followed after a few rounds, and how many of these to their end (chosen: the last of the eight
 led to a planted chain)."""
-SAME = 0.05
-"""Difference of every number, in standard deviations of its prior, within which a fit stands at the same place."""
+SAME, NO_NEARER = 1.0, 0.98
+"""Difference of every number, in standard deviations of its prior, within which a fit is in the same place, and the RMS
+over that of before down to which it is (chosen: what is expected of the noise moves it by two parts in a hundred)."""
 NEARER = 0.99
 """How much nearer to a few moves another valley must be (chosen; all moves decide)."""
 
@@ -90,13 +91,16 @@ def over_ridges(found: Fitted, others: Callable[[Fitted], Iterator[FloatArray]] 
     on = if_nearer(found, here, [fit(few, found.model, f.at, ROUNDS) for f in (*leading(near, LAST), *far)])
     if on is not found or others:
         return on
-    return replace(found, at=replace(found.at, in_vain=found.at.shared))
+    return replace(found, at=replace(found.at, in_vain=(found.rms, found.at.shared)))
 
 
 def looked_about(found: Fitted) -> bool:
-    """Whether other valleys were looked for in vain from where a fit stands."""
-    before = found.at.in_vain
-    if before is None or before.shape != found.at.shared.shape:
+    """Whether other valleys were looked for in vain from where a fit stands, or from near by and as near to the moves:
+    on the floor of a valley what no sample tells wanders on."""
+    if found.at.in_vain is None:
+        return False
+    rms, before = found.at.in_vain
+    if before.shape != found.at.shared.shape or found.rms < NO_NEARER * rms:
         return False
     return bool(np.max(np.abs(found.at.shared - before)) < SAME)
 

@@ -73,13 +73,14 @@ def test_a_fit_stays_where_no_other_valley_is_nearer_and_none_is_looked_for_ther
     assert stayed.rms == right.rms
     further = fit(stayed.moves, stayed.model, stayed.at, 1)
     aside = replace(further, at=replace(further.at, shared=further.at.shared + 2.0 * moves_ridges.SAME))
+    nearer = replace(further, r=0.9 * further.r)
 
     def looked_for(_found: Fitted) -> None:
         raise AssertionError("looked for")
 
     monkeypatch.setattr(moves_ridges, "fewer", looked_for)
     assert over_ridges(further) is further
-    for other, where in ((aside, None), (further, moves_ridges.other_sizes), (right, None)):
+    for other, where in ((aside, None), (nearer, None), (further, moves_ridges.other_sizes), (right, None)):
         with pytest.raises(AssertionError, match="looked for"):
             over_ridges(other, where)
 
