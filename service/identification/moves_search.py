@@ -332,9 +332,9 @@ def finished(
     named; what swings comes last, and only if it is not far behind; where none is anywhere near, the nearest alone.
     What takes a part of what the present model leaves is led over ridges even where it is hopeless: the right effect
     may stand there on a wrong chain. They are tried on each other's machines. The nearest is led on over further ridges
-    before any is ended, unless it is near and the motors speak against it; what one of them contains is ended before
-    it. What comes closest to the moves that it was fitted to, and describes them, is ended even if it describes the
-    others not much worse: it may be the right one."""
+    before any is ended, unless it is near and the motors speak against it; what one of them contains is begun where it
+    stands, and ended before it. What comes closest to the moves that it was fitted to, and describes them, is ended
+    even if it describes the others not much worse: it may be the right one."""
     out, done = dict(trials), list[str]()
     last = finalists(trials)
     if min(trials[name].train_rms for name in last) > FAR_OFF * HOPELESS:
@@ -354,13 +354,26 @@ def finished(
     near = leading({name: distance(out[name]) for name in sound}, FINALISTS)
     first = min(done, key=lambda name: distance(out[name]))
     closest = min(sound, key=lambda name: out[name].train_rms, default=first)
-    near += [inner for name in {first, *near} for inner in DRIVEN[name].contains if inner in out]
+    contained = [(name, inner) for name in {first, *near} for inner in DRIVEN[name].contains if inner in out]
+    for name, inner in contained:
+        out[inner] = begun_there(scene, present, out[inner], out[name])
+    near += [inner for _, inner in contained]
     for name in sorted({first, *near}, key=lambda name: len(out[name].model.fitted.model.parameters)):
         if not inner_suffices(name, out):
             out[name] = ended_if_named(scene, present, out[name])
     if inner_suffices(closest, out):
         return out
     return out | {closest: to_the_end(scene, out[closest], DESCRIBED, AS_WELL)}
+
+
+def begun_there(
+    scene: Scene, present: Trial[Explained], inner: Trial[Explained], outer: Trial[Explained]
+) -> Trial[Explained]:
+    """The trial of what another effect contains, or of it begun where that one ended: else it is not judged by what it
+    explains, but by the valley in which it was left."""
+    found = inner.model.fitted
+    again = as_other(found, outer.model.fitted)
+    return inner if again is found else judged(scene, present, settled(again, ROUNDS, HOWEVER_FAR))
 
 
 def on_better_machines(

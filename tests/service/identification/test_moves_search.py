@@ -71,6 +71,7 @@ def test_all_finalists_that_are_near_are_ended_before_one_is_chosen(monkeypatch:
 
     trials = {name: trial(name, *both) for name, both in errors.items()}
     monkeypatch.setattr(moves_search, "on_better_machines", lambda _scene, _present, trials: dict(trials))
+    monkeypatch.setattr(moves_search, "begun_there", lambda _scene, _present, inner, _outer: inner)
     monkeypatch.setattr(moves_search, "swings_at_all", lambda _model: False)
     monkeypatch.setattr(moves_search, "with_own_errors", lambda fitted: fitted)
     monkeypatch.setattr(moves_search, "settled", lambda fitted, *_: fitted)
@@ -91,6 +92,29 @@ def test_all_finalists_that_are_near_are_ended_before_one_is_chosen(monkeypatch:
     trials[FRICTION].at_limits = ("coulomb_asymmetry",)
     done = moves_search.finished(SCENE, PRESENT, cast(Any, trials))
     assert cast(Any, done[FRICTION]).name == FRICTION, "what is no such effect is not worth the time"
+
+
+@pytest.mark.parametrize(
+    ("found", "begun"), [(2.7, True), (1.0, False)], ids=["it came nearer", "it did not"]
+)
+def test_what_another_effect_contains_is_begun_where_that_one_ended(
+    monkeypatch: Any, found: float, begun: bool
+) -> None:
+    """A constant force was left in a wrong valley at 2.7, and a spring that hardly grows named, which ended at 1.0."""
+    model = SimpleNamespace(effects=(SimpleNamespace(instead=lambda values: {"force": values["preload"]}),))
+    inner = SimpleNamespace(model=SimpleNamespace(fitted=SimpleNamespace(rms=found, model=model)))
+    outer = SimpleNamespace(model=SimpleNamespace(fitted=SimpleNamespace(rms=1.05)))
+    monkeypatch.setattr(moves_search, "values_at", lambda _found: {"preload": -0.38, "rate": 5.0})
+    monkeypatch.setattr(
+        moves_search, "fitted_from", lambda _found, values, _rounds: SimpleNamespace(rms=1.0, values=values)
+    )
+    monkeypatch.setattr(moves_search, "settled", lambda fitted, *_: fitted)
+    monkeypatch.setattr(moves_search, "judged", lambda _scene, _present, fitted: fitted)
+    done = cast(Any, moves_search.begun_there(SCENE, PRESENT, cast(Any, inner), cast(Any, outer)))
+    if begun:
+        assert done.values["force"] == -0.38
+    else:
+        assert done is inner
 
 
 @pytest.mark.parametrize(
