@@ -148,7 +148,7 @@ def led_on(found: Fitted, near: float = HOPELESS, places: Sequence[Values] = ())
 
 def followed(on: Fitted, rounds: int) -> Fitted:
     """A fit that may be the right one, out of its corners and in turns with the motors' motion."""
-    return wider_where_unreached(swung_in(as_damped(in_turns(out_of_corner(on, rounds)))))
+    return swung_in(as_damped(in_turns(out_of_corner(on, rounds))))
 
 
 def wider_where_unreached(found: Fitted) -> Fitted:
