@@ -19,6 +19,7 @@ from service.backlash.moves_begun import Values, point_at, shared_at
 from service.backlash.moves_fit import Fitted, Point, fit, limits, values_at
 from service.dynamics.driven_model import LINKS, Model
 from service.identification.held_out import overdamped
+from service.identification.moves_looks import FROM_AFAR
 from service.identification.moves_starts import (
     BRIEF,
     GUIDE,
@@ -51,8 +52,6 @@ FREQUENCIES = np.geomspace(6.0, 120.0, 28)
 ends in another valley)."""
 NEAR_ONES = 8
 """How many of these are continued (chosen)."""
-FROM_AFAR = 10
-"""Rounds by the loads' speeds, and then by samples, of what begins on a typical machine."""
 OTHERWISE = 0.75
 """RMS of a few moves and their motors, over that of the present fit, up to which the motors speak for another valley
 (chosen: where both end in the same one it is about as great)."""
