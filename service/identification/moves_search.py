@@ -369,11 +369,13 @@ def finished(
 def begun_there(
     scene: Scene, present: Trial[Explained], inner: Trial[Explained], outer: Trial[Explained]
 ) -> Trial[Explained]:
-    """The trial of what another effect contains, or of it begun where that one ended: else it is not judged by what it
-    explains, but by the valley in which it was left."""
+    """The trial of what another effect contains, or a nearer one that is begun where that one ended: else it is not
+    judged by what it explains, but by the valley in which it was left."""
     found = inner.model.fitted
     again = as_other(found, outer.model.fitted)
-    return inner if again is found else judged(scene, present, settled(again, ROUNDS, HOWEVER_FAR))
+    if again is found:
+        return inner
+    return min(inner, judged(scene, present, settled(again, ROUNDS, HOWEVER_FAR)), key=distance)
 
 
 def on_better_machines(

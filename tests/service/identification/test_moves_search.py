@@ -95,10 +95,12 @@ def test_all_finalists_that_are_near_are_ended_before_one_is_chosen(monkeypatch:
 
 
 @pytest.mark.parametrize(
-    ("found", "begun"), [(2.7, True), (1.0, False)], ids=["it came nearer", "it did not"]
+    ("found", "held", "begun"),
+    [(2.7, 3.6, True), (1.0, 3.6, False), (2.7, 1.05, False)],
+    ids=["it came nearer", "it did not", "to the fitted moves only"],
 )
 def test_what_another_effect_contains_is_begun_where_that_one_ended(
-    monkeypatch: Any, found: float, begun: bool
+    monkeypatch: Any, found: float, held: float, begun: bool
 ) -> None:
     """A constant force was left in a wrong valley at 2.7, and a spring that hardly grows named, which ended at 1.0."""
     model = SimpleNamespace(effects=(SimpleNamespace(instead=lambda values: {"force": values["preload"]}),))
@@ -110,6 +112,7 @@ def test_what_another_effect_contains_is_begun_where_that_one_ended(
     )
     monkeypatch.setattr(moves_search, "settled", lambda fitted, *_: fitted)
     monkeypatch.setattr(moves_search, "judged", lambda _scene, _present, fitted: fitted)
+    monkeypatch.setattr(moves_search, "distance", lambda one: 1.08 if one is not inner else held)
     done = cast(Any, moves_search.begun_there(SCENE, PRESENT, cast(Any, inner), cast(Any, outer)))
     if begun:
         assert done.values["force"] == -0.38
