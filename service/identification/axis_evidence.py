@@ -12,6 +12,7 @@ from service.identification.axis_numbers import apart_in_time, clearance_beside,
 from service.identification.explanation import Finding, SeparatingMove
 from service.identification.held_out import Explained, Held, rms
 from service.identification.moves_motors import CONTRADICTED, left_by_motors
+from service.identification.moves_repeated import pure_error
 from service.identification.scene import Scene
 from service.identification.selection import Selection
 from service.recording import FloatArray
@@ -108,6 +109,14 @@ def evidence_of(
             "measurement's clocks are: a channel is late, or a stage of the transmission creeps under its force, as a "
             "slipping coupling or a belt does. Check the time stamps, then look for a mark that wanders between motor "
             "and pinion"
+        )
+    alike = pure_error(selection.before.model.fitted)
+    if finding == "unknown" and alike.beyond_any_effect:
+        lines.append(
+            f"moves of one set-point from one place differ by {alike.apart:.1f} of what is expected, of "
+            f"{alike.together:.1f} in all: what acts does not follow the motion, and nothing was searched for that "
+            "does. Look for a sensor or a cable that is loose, a clock that jumps, a machine near by that runs, a load "
+            "that was changed or a part that warms up, and record again"
         )
     if finding == "unknown" and selection.effects:
         lines.append(f"{', '.join(selection.effects)} explain a part, but not enough to be named")

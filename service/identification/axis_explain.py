@@ -11,12 +11,13 @@ from service.dynamics.driven_model import DrivenEffect
 from service.dynamics.effects.driven_library import DRIVEN
 from service.dynamics.effects.driven_sensors import DrivenBias
 from service.identification.axis_verdict import LEFT_BY_ONE, SMALL, finding_of, verdict
-from service.identification.explanation import Accepted, AxisExplanation
+from service.identification.explanation import Accepted, AxisExplanation, Candidate
 from service.identification.given_effects import as_accepted, names_of, with_effects_of
 from service.identification.held_out import DESCRIBED, SEARCHED, Explained, overdamped, trial_of
 from service.identification.moves_end import declared_end, ended
 from service.identification.moves_hidden import as_heard_by_motors, hidden, swinging
 from service.identification.moves_motors import CONTRADICTED, PLAINLY, left_by_motors, nothing_left
+from service.identification.moves_repeated import pure_error
 from service.identification.moves_search import (
     SECOND,
     challenged,
@@ -102,19 +103,32 @@ def nothing_beyond(trial: Trial[Explained]) -> Selection[Explained]:
     return Selection(trial, trial, (), (), ())
 
 
+def beyond_motion(before: Trial[Explained]) -> Selection[Explained]:
+    """The outcome where what is missing does not follow the motion: every effect is refused for that."""
+    held = {effect.name for effect in before.model.fitted.model.effects}
+    why = "follows the motion, while moves that are alike differ from one another"
+    refused = tuple(Candidate(name, before.held_rms, 1.0, False, why) for name in DRIVEN if name not in held)
+    return replace(nothing_beyond(before), candidates=refused)
+
+
 def missing_in(
     scene: Scene, before: Trial[Explained], accepted: Sequence[str], tell: Callable[[str], None]
 ) -> Selection[Explained]:
     """What is missing in the model that is declared, or that was accepted. A zero that is seen to wander at rest is
-    asked for first, and the motors where their equations of motion do not hold; where they hold, nothing is hidden
-    between motor and load. Where no torque was recorded and only numbers may do it that are not known, nothing is asked
-    for but what may be hidden. What accepted effects leave is the next one's only where it is more than a law leaves
-    that differs a little from the machine's, as after a first effect."""
+    asked for first; nothing else is where most of it differs between moves that are alike, which no effect explains.
+    The motors are asked where their equations of motion do not hold; where they hold, nothing is hidden between motor
+    and load. Where no torque was recorded and only numbers may do it that are not known, nothing is asked for but what
+    may be hidden. What accepted effects leave is the next one's only where it is more than a law leaves that differs a
+    little from the machine's, as after a first effect."""
     if scene.zero_wanders and DrivenBias.name not in accepted:
         tell("the accelerometer's zero wanders while the axis rests")
         found = searched(scene, before, tell, LIMITS, first=(DrivenBias,))
         if found.effects:
             return found
+    alike = pure_error(before.model.fitted)
+    if alike.beyond_any_effect:
+        tell(f"moves that are alike differ by {alike.apart:.1f} of the noise: no effect of motion does that")
+        return beyond_motion(before)
     if accepted:
         beyond = left(before) > FURTHER[1]
         return searched(scene, before, tell, BEYOND) if beyond else nothing_beyond(before)

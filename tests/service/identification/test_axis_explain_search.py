@@ -18,6 +18,7 @@ from service.identification.axis_explain import (
     missing_in,
 )
 from service.identification.explanation import Candidate
+from service.identification.moves_repeated import PureError
 from service.identification.selection import Selection, Trial
 
 
@@ -27,6 +28,7 @@ def trial(train: float, held_out: float) -> Trial[Any]:
 
 def heard(monkeypatch: pytest.MonkeyPatch, left: float = 5.0) -> None:
     """What the motors leave in the held-out moves; 0 where these have no torque. Nothing swings."""
+    monkeypatch.setattr(axis_explain, "pure_error", lambda _fitted: PureError(3.0, 1.0))
     monkeypatch.setattr(axis_explain, "swinging", lambda *_: {})
     monkeypatch.setattr(axis_explain, "as_heard_by_motors", lambda _before: trial(1.0, left))
     monkeypatch.setattr(axis_explain, "nothing_left", lambda _found: False)
@@ -104,6 +106,33 @@ def test_where_the_held_out_moves_have_no_torque_what_may_be_hidden_is_searched_
     scene: Any = SimpleNamespace(zero_wanders=False)
     assert missing_in(scene, before, (), lambda _text: None).effects == ()
     assert left_out == [()]
+
+
+def test_nothing_is_searched_where_alike_moves_differ_by_what_is_missing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """But a zero that wanders, which does not follow the motion either."""
+    before = trial(5.0, 6.0)
+    before.model.fitted = SimpleNamespace(
+        model=SimpleNamespace(effects=(SimpleNamespace(name="sensor_gain"),))
+    )
+    first = []
+
+    def searched(_scene: Any, before: Trial[Any], *_: Any, **asked: Any) -> Selection[Any]:
+        first.append([kind.name for kind in asked["first"]])
+        return Selection(before, before, (), (), ())
+
+    heard(monkeypatch)
+    monkeypatch.setattr(axis_explain, "searched", searched)
+    monkeypatch.setattr(axis_explain, "pure_error", lambda _fitted: PureError(5.0, 4.5))
+    scene: Any = SimpleNamespace(zero_wanders=True)
+    found = missing_in(scene, before, (), lambda _text: None)
+    assert first == [["sensor_bias"]]
+    assert found.effects == ()
+    refused = [candidate.effect for candidate in found.candidates]
+    assert "sensor_latency" in refused
+    assert "sensor_gain" not in refused, "it is in the model already"
+    assert not any(candidate.accepted for candidate in found.candidates)
 
 
 def test_a_second_gap_is_what_a_fit_may_hide() -> None:
