@@ -7,7 +7,7 @@ the model as it is. With all its amounts at 0 an effect is absent.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
@@ -137,6 +137,11 @@ class DrivenEffect:
         """Its own parameters such that it does what effects with these values do; none where it is like none of
         them."""
         return {}
+
+    def imitating(self, values: Mapping[str, float]) -> Iterator[Mapping[str, float]]:
+        """Its own parameters, and those of the declared model that go with them, such that it does nearly what another
+        effect with these values does, in each of its shapes; nothing where it is like none of them."""
+        yield from ()
 
     def rests(self, values: Mapping[str, float]) -> tuple[Mapping[str, float], ...]:
         """Its coordinates of a step with which an axis may rest, by full name in their units, beside 0."""

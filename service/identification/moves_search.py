@@ -256,7 +256,8 @@ def proposed(
     trials = finished(scene, present, trials)
     trials = trials | beside_likeness(scene, present, base, tried, trials)
     best = min(tried, key=lambda c: distance(trials[c.name]))
-    return trials | {best.name: in_other_shapes(scene, base, best, trials[best.name])}
+    trials = trials | {best.name: in_other_shapes(scene, base, best, trials[best.name])}
+    return trials | by_other_laws(scene, present, tried, trials)
 
 
 def beside_likeness(
@@ -286,6 +287,33 @@ def beside_likeness(
             if nearer.train_rms < best.train_rms and may_be_named(present, nearer):
                 nearer = ended(scene, nearer)
             out[name] = min((trials[name], nearer), key=distance)
+    return out
+
+
+def by_other_laws(
+    scene: Scene,
+    present: Trial[Explained],
+    tried: Sequence[Candidate],
+    trials: Mapping[str, Trial[Explained]],
+) -> dict[str, Trial[Explained]]:
+    """Where the nearest of all leaves more than the right one does, what does nearly the same by another law, begun in
+    each of its shapes where that one ended, by name: a likeness has found the machine, and hardly differs there."""
+    best = min(trials.values(), key=distance)
+    if not (best.train_rms < SOUND and max(best.train_rms, best.validation_rms) > ENDED):
+        return {}
+    found, out = best.model.fitted, dict[str, Trial[Explained]]()
+    values = values_at(found)
+    for candidate in tried:
+        other = replace(found, model=candidate.model)
+        begun = [
+            fitted_from(other, values | dict(numbers), ROUNDS)
+            for numbers in candidate.effect.imitating(values)
+        ]
+        if begun:
+            trial = judged(scene, present, min(begun, key=lambda f: f.rms))
+            out[candidate.name] = min(
+                (trials[candidate.name], ended_if_named(scene, present, trial)), key=distance
+            )
     return out
 
 

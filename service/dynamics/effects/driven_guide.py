@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
+from scipy.optimize import least_squares, lsq_linear
 
 from service.dynamics.driven_effect import Case, DrivenEffect, Room
 from service.dynamics.driven_friction import speeds
 from service.dynamics.driven_parameters import Parameter, Values
 from service.dynamics.driven_propagation import LinearSystem
+from service.recording import FloatArray
 
-ONE_WAY = {"constant_force": 1.0, "spring_preload": 1.0, "coulomb_asymmetry": -1.0, "viscous_asymmetry": -0.1}
-"""What a unit of each adds to the force that acts one way while an axis moves; viscous friction at 0.1 m/s, the top
-speed of a diagnostic step."""
+SLOWEST, TOP = 2e-3, 0.1
+"""Speeds of a diagnostic step [m/s] from which on friction has turned over, and at the top."""
+USUAL = 0.02
+"""What a standard deviation of a number's prior counts [m/s²] where a curve hardly tells it (chosen: a tenth of what
+friction curves differ by)."""
+ONE_WAY = {"constant_force": 1.0, "spring_preload": 1.0, "coulomb_asymmetry": -1.0, "viscous_asymmetry": -TOP}
+"""What a unit of each adds to the force that acts one way while an axis moves; viscous friction at the top speed."""
 
 
 def one_way(values: Mapping[str, float], axes: Sequence[str]) -> dict[str, float]:
@@ -115,7 +121,57 @@ class DrivenAsymmetricFriction(DrivenEffect):
 
 
 @dataclass(frozen=True)
-class DrivenStribeckFriction(DrivenEffect):
+class FrictionLaw(DrivenEffect):
+    """A guide's friction as another function of the speed than the declared model's, alike in both directions."""
+
+    def force(self, v: FloatArray, values: Values, axis: str) -> FloatArray:
+        """(S, n) what it adds to an axis' friction per moved mass [m/s²] while that slides at the speeds v > 0 (n,)."""
+        raise NotImplementedError
+
+    def imitating(self, values: Mapping[str, float]) -> Iterator[Mapping[str, float]]:
+        """With the declared friction, as near as it comes to the curve that another law makes in the speeds of a step:
+        what the two differ by may be the least of what tells them from each other, and the rest of a machine that was
+        found with the one is that of the other."""
+        laws = [law(self.axes) for law in (DrivenStribeckFriction, DrivenCurvedFriction)]
+        there = [law for law in laws if all(p.name in values for p in law.parameters)]
+        if len(there) != 1 or there[0].name == self.name:
+            return
+        v = np.linspace(SLOWEST, TOP, 60)
+        for shape in self.starts:
+            out: dict[str, float] = {}
+            for axis in self.axes:
+                curve = there[0].force(v, {k: np.array([x]) for k, x in values.items()}, axis)[0]
+                curve = curve + values[f"{axis}.coulomb"] + values[f"{axis}.viscous"] * v
+                out |= self.nearest_to(curve, v, axis, shape)
+            yield out
+
+    def nearest_to(
+        self, curve: FloatArray, v: FloatArray, axis: str, shape: Mapping[str, float]
+    ) -> dict[str, float]:
+        """Its numbers, and the Coulomb level and the viscous friction, that are nearest to a whole curve (n,), begun
+        with a shape."""
+        own = [p.of(axis) for p in self.own]
+        names = (*(p.name for p in own), f"{axis}.coulomb", f"{axis}.viscous")
+
+        def beside(numbers: FloatArray) -> FloatArray:
+            values = {k: np.array([x]) for k, x in zip(names, numbers, strict=True)}
+            apart = self.force(v, values, axis)[0] + numbers[-2] + numbers[-1] * v - curve
+            unusual = [p.internal(x) for p, x in zip(own, numbers[:-2], strict=True)]
+            return np.concatenate((apart, USUAL * np.array(unusual)))
+
+        amount = np.array([p.dose > 0.0 for p in own] + [True, True])
+        low = np.array([p.low if p.dose else max(p.low, 0.0) for p in own] + [0.0, 0.0])
+        high = np.array([p.high for p in own] + [np.inf, np.inf])
+        first = np.where(amount, 0.0, [*(shape[p.name] for p in own), 0.0, 0.0])
+        of_one = [beside(first + unit) - beside(first) for unit in np.eye(len(first))[amount]]
+        limits = (low[amount], high[amount])
+        first[amount] = lsq_linear(np.stack(of_one, axis=1), -beside(first), limits).x
+        best = least_squares(beside, np.clip(first, low + 1e-9, high - 1e-9), bounds=(low, high))
+        return dict(zip(names, map(float, best.x), strict=True))
+
+
+@dataclass(frozen=True)
+class DrivenStribeckFriction(FrictionLaw):
     """A guide that holds harder at low speed. The excess falls off as (1 + τ·x)^(−1/τ), x being (v/v_s)^δ: for τ = 0
     that is exp(−x) with δ from 0.5 to 2 (Armstrong-Hélouvry, Dupont and Canudas de Wit, Automatica 30, 1994), for τ = 1
     and δ = 2 it is 1/(1 + (v/v_s)²), whose tail reaches farther (Hess and Soom, J. Tribology 112, 1990)."""
@@ -135,23 +191,24 @@ class DrivenStribeckFriction(DrivenEffect):
     )
     bends_friction: ClassVar[bool] = True
 
+    def force(self, v: FloatArray, values: Values, axis: str) -> FloatArray:
+        excess, speed, exponent, tail = (values[f"{axis}.{p.name}"][:, None] for p in self.own)
+        # A floor near a fit's differences would hide the slope from it.
+        tail = np.maximum(tail, 1e-12)
+        return np.asarray(excess * np.exp(-np.log1p(tail * np.abs(v / speed) ** exponent) / tail))
+
     def assemble(self, system: LinearSystem, case: Case, room: Room) -> None:
+        """The excess belongs to the Coulomb level, and what it loses with the speed to the curve."""
         v = speeds()
         for _, axis, x in self.each(case.model):
             guide, excess = system.guides[x], case.values[f"{axis}.breakaway"]
-            speed, exponent, tail = (
-                case.values[f"{axis}.stribeck_{p}"][:, None] for p in ("speed", "exponent", "tail")
-            )
-            # A floor near a fit's differences would hide the slope from it.
-            tail = np.maximum(tail, 1e-12)
-            left = np.exp(-np.log1p(tail * np.abs(v / speed) ** exponent) / tail)
             guide.forward = guide.forward + excess
             guide.backward = guide.backward + excess
-            guide.table += excess[:, None] * (left - 1.0) * np.sign(v)
+            guide.table += (self.force(v, case.values, axis) - excess[:, None]) * np.sign(v)
 
 
 @dataclass(frozen=True)
-class DrivenCurvedFriction(DrivenEffect):
+class DrivenCurvedFriction(FrictionLaw):
     """Friction that grows with a power of the speed: less than in proportion (grease) or more (churning, wipers)."""
 
     name: ClassVar[str] = "curved_friction"
@@ -163,9 +220,12 @@ class DrivenCurvedFriction(DrivenEffect):
     shapes: ClassVar[tuple[Mapping[str, float], ...]] = ({"curved_power": 2.0}, {"curved_power": 0.5})
     bends_friction: ClassVar[bool] = True
 
+    def force(self, v: FloatArray, values: Values, axis: str) -> FloatArray:
+        """`curved_level` is its size at the top speed of a diagnostic step."""
+        level, power = (values[f"{axis}.{p.name}"][:, None] for p in self.own)
+        return np.asarray(level * np.abs(v / TOP) ** power)
+
     def assemble(self, system: LinearSystem, case: Case, room: Room) -> None:
-        """`curved_level` is its size at 0.1 m/s, the top speed of a diagnostic step."""
         v = speeds()
         for _, axis, x in self.each(case.model):
-            grown = np.abs(v / 0.1) ** case.values[f"{axis}.curved_power"][:, None]
-            system.guides[x].table += case.values[f"{axis}.curved_level"][:, None] * np.sign(v) * grown
+            system.guides[x].table += np.sign(v) * self.force(v, case.values, axis)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -238,6 +238,46 @@ def test_the_others_begin_on_the_machine_that_a_likeness_of_the_right_effect_fou
         assert ended == [right], "what does not come nearer than its likeness is not ended"
     alone = cast(Any, candidates[-1:])
     assert moves_search.beside_likeness(cast(Any, None), PRESENT, cast(Any, base), alone, trials) == {}
+
+
+@pytest.mark.parametrize(
+    ("train", "held_out", "begun"),
+    [(1.04, 1.14, True), (0.99, 1.02, False), (1.02, 1.6, True), (2.1, 1.2, False)],
+    ids=["leaves more than a right one", "leaves nothing", "describes its own only", "is far off"],
+)
+def test_what_leaves_more_than_the_right_law_is_begun_as_another_law(
+    monkeypatch: Any, train: float, held_out: float, begun: bool
+) -> None:
+    """In each shape of the other law, of which the nearest is judged and ended; what has no such law is left."""
+    curve = SimpleNamespace(imitating=lambda _values: [{"X1.power": 2.0}, {"X1.power": 0.5}])
+    none = SimpleNamespace(imitating=lambda _values: [])
+    tried = [
+        SimpleNamespace(name="curved_friction", model="curve", effect=curve),
+        SimpleNamespace(name="sensor_gain", model="gain", effect=none),
+    ]
+
+    @dataclass(frozen=True)
+    class Fit:
+        model: str = "stribeck"
+        rms: float = 1.0
+
+    best = SimpleNamespace(
+        train_rms=train, validation_rms=held_out, held_rms=held_out, model=SimpleNamespace(fitted=Fit())
+    )
+    far = SimpleNamespace(train_rms=1.4, validation_rms=5.0, held_rms=5.0)
+    right = SimpleNamespace(train_rms=1.0, validation_rms=1.0, held_rms=1.0)
+    judged: list[float] = []
+    monkeypatch.setattr(moves_search, "distance", lambda trial: trial.train_rms * trial.held_rms)
+    monkeypatch.setattr(moves_search, "values_at", lambda _fit: {"X1.breakaway": 1.0})
+    monkeypatch.setattr(
+        moves_search, "fitted_from", lambda found, values, _: replace(found, rms=values["X1.power"])
+    )
+    monkeypatch.setattr(moves_search, "judged", lambda _scene, _present, f: judged.append(f.rms) or right)
+    monkeypatch.setattr(moves_search, "ended_if_named", lambda _scene, _present, trial: trial)
+    trials = {"stribeck_friction": best, "curved_friction": far, "sensor_gain": far}
+    out = moves_search.by_other_laws(SCENE, PRESENT, cast(Any, tried), cast(Any, trials))
+    assert cast(Any, out) == ({"curved_friction": right} if begun else {})
+    assert judged == ([0.5] if begun else [])
 
 
 @pytest.mark.parametrize(
