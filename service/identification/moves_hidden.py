@@ -22,7 +22,7 @@ from service.backlash.moves_fit import Fitted, Point, fit, reconstructed, values
 from service.dynamics.driven_model import DrivenEffect
 from service.identification.explanation import Candidate
 from service.identification.held_out import DESCRIBED, Explained, trial_of
-from service.identification.moves_end import RIDGE, SOUND, settled
+from service.identification.moves_end import HOPELESS, RIDGE, SOUND, settled
 from service.identification.moves_looks import VALLEYS, noted
 from service.identification.moves_lying import lying_as_left, pinions_lie
 from service.identification.moves_motors import CONTRADICTED, left_by_motors, nothing_left, of_moves
@@ -190,7 +190,8 @@ def hidden(
     name, gain = nearest.model.effects[-1].name, Gain.of(present, nearest)
     trial = trial_of(scene, nearest, thorough=gain.is_of(PART))
     if not (nothing_left(nearest) and describes_all(before, trial)):
-        divided = nearest if closed(nearest) else otherwise_divided(nearest)
+        far_off = nearest.rms > SOUND or closed(nearest)
+        divided = nearest if far_off else otherwise_divided(nearest)
         gain = Gain.of(present, divided)
         trial = trial if divided is nearest else trial_of(scene, divided, thorough=gain.is_of(PART))
     tell(f"tried {name}: {gain.together[1]:.3f} with the motors (now {gain.together[0]:.3f})")
@@ -202,13 +203,15 @@ def hidden(
 
 
 def promising(scene: Scene, base: Fitted, candidate: DrivenCandidate) -> list[Fitted]:
-    """The fits of a few moves in the candidate's best valleys, of those that take `OF_FEW` of what the present model
-    leaves of these moves and their motors. Where the samples are described and only the motors are not, it is a gap
-    that they speak of as a rule: none promising, it is searched again, for where a search begins is chance."""
+    """The fits of a few moves in the candidate's best valleys, of those that are not hopeless and take `OF_FEW` of what
+    the present model leaves of these moves and their motors. Where the samples are described and only the motors are
+    not, it is a gap that they speak of as a rule: none promising, it is searched again, for where a search begins is
+    chance."""
     present = left_at_present(asked(base), base)
     for seed in range(SEED, SEED + (SEARCHES if base.rms <= LEFT else 1)):
         found = valleys(scene, base, candidate, seed)
         near = [one for one in found if gone(present, one.rms_with_motors, OF_FEW)]
+        near = [one for one in near if one.rms_with_motors < HOPELESS]
         if near or not (found and worth_following(present, found[0].rms_with_motors)):
             break
     return near[:VALLEYS]

@@ -163,25 +163,35 @@ def test_a_gain_that_few_samples_show_is_chance(monkeypatch: pytest.MonkeyPatch)
 
 
 @pytest.mark.parametrize(
-    ("nearest", "described", "names", "hinted"),
+    ("nearest", "of_samples", "described", "names", "hinted"),
     [
-        (1.2, False, ("gearbox_clearance",), False),
-        (1.2, True, ("gearbox_clearance",), False),
-        (2.4, False, (), True),
-        (2.9, False, (), False),
+        (1.2, 1.1, False, ("gearbox_clearance",), False),
+        (1.2, 1.1, True, ("gearbox_clearance",), False),
+        (2.4, 1.9, False, (), True),
+        (2.4, 2.2, False, (), True),
+        (2.9, 1.9, False, (), False),
     ],
 )
 def test_less_than_half_is_a_hint_and_next_to_nothing_none(
-    monkeypatch: pytest.MonkeyPatch, nearest: float, described: bool, names: tuple[str, ...], hinted: bool
+    monkeypatch: pytest.MonkeyPatch,
+    nearest: float,
+    of_samples: float,
+    described: bool,
+    names: tuple[str, ...],
+    hinted: bool,
 ) -> None:
     """Of the fits in the best valleys the one counts that is nearest to samples and motors. Its play is otherwise
-    divided unless all moves are described with it."""
+    divided unless all moves are described with it, or the samples of those that were fitted are far off."""
     effect = SimpleNamespace(name="gearbox_clearance")
 
     def one(rms: float, *effects: Any) -> Any:
         left = np.array([2.0 * rms])
         return SimpleNamespace(
-            rms_with_motors=rms, motors=left, moves=(), model=SimpleNamespace(effects=effects)
+            rms=of_samples,
+            rms_with_motors=rms,
+            motors=left,
+            moves=(),
+            model=SimpleNamespace(effects=effects),
         )
 
     base = one(3.0)
@@ -207,7 +217,8 @@ def test_less_than_half_is_a_hint_and_next_to_nothing_none(
     assert len(found.candidates) == 1
     assert (found.after is before) is (not names)
     assert len(told) == 1
-    assert divided == [nearest] * (not described), "also of what is next to nothing, as a wrong division is"
+    asked = not described and of_samples < 2.0
+    assert divided == [nearest] * asked, "also of what is next to nothing, as a wrong division is"
 
 
 @pytest.mark.parametrize(
@@ -293,6 +304,10 @@ def test_a_valley_is_promising_if_it_takes_a_part_of_what_is_left(monkeypatch: p
     assert promising(cast(Any, None), base, cast(Any, None)) == valleys[:4]
     monkeypatch.setattr(moves_hidden, "valleys", lambda *_: valleys[3:])
     assert promising(cast(Any, None), base, cast(Any, None)) == valleys[3:5]
+    far_off = [two_gaps(0.0, 0.0, rms) for rms in (3.9, 4.1)]
+    monkeypatch.setattr(moves_hidden, "left_at_present", lambda _few, _found: 9.0)
+    monkeypatch.setattr(moves_hidden, "valleys", lambda *_: far_off)
+    assert promising(cast(Any, None), base, cast(Any, None)) == far_off[:1], "none that is hopeless"
 
 
 @pytest.mark.parametrize(
