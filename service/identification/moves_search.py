@@ -361,8 +361,9 @@ def finished(
     What takes a part of what the present model leaves is led over ridges even where it is hopeless: the right effect
     may stand there on a wrong chain. They are tried on each other's machines. The nearest is led on over further ridges
     before any is ended, unless it is near and the motors speak against it; what one of them contains is begun where it
-    stands, and ended before it. What comes closest to the moves that it was fitted to, and describes them, is ended
-    even if it describes the others not much worse: it may be the right one."""
+    stands, and ended before it; what is far behind one that is ended and describes all is not. What comes closest to
+    the moves that it was fitted to, and describes them, is ended even if it describes the others not much worse: it may
+    be the right one."""
     out, done = dict(trials), list[str]()
     last = finalists(trials)
     if min(trials[name].train_rms for name in last) > FAR_OFF * HOPELESS:
@@ -387,7 +388,7 @@ def finished(
         out[inner] = begun_there(scene, present, out[inner], out[name])
     near += [inner for _, inner in contained]
     for name in sorted({first, *near}, key=lambda name: len(out[name].model.fitted.model.parameters)):
-        if not inner_suffices(name, out):
+        if not (inner_suffices(name, out) or outdone(name, present, out)):
             out[name] = ended_if_named(scene, present, out[name])
     if inner_suffices(closest, out):
         return out
@@ -460,6 +461,19 @@ def inner_suffices(name: str, trials: Mapping[str, Trial[Explained]]) -> bool:
     nothing more."""
     inner = (trials[other] for other in DRIVEN[name].contains if other in trials)
     return any(trial.model.ended and shown(trial) <= LEFT_BY_CLEAN for trial in inner)
+
+
+def outdone(name: str, present: Trial[Explained], trials: Mapping[str, Trial[Explained]]) -> bool:
+    """Whether an effect is far behind another whose fit is ended and describes all moves, and whose law is not nearly
+    its own: it would be ended in vain."""
+    far = distance(trials[name])
+    return any(
+        trial.model.ended
+        and describes_all(present, trial)
+        and far > BEHIND * distance(trial)
+        and name not in DRIVEN[other].nearly
+        for other, trial in trials.items()
+    )
 
 
 def in_best_shape(

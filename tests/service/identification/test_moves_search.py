@@ -78,6 +78,7 @@ def test_all_finalists_that_are_near_are_ended_before_one_is_chosen(monkeypatch:
     monkeypatch.setattr(moves_search, "led_on", lambda fitted, *_: fitted)
     monkeypatch.setattr(moves_search, "trial_of", lambda _scene, fitted, **_: trials[fitted.model.name])
     monkeypatch.setattr(moves_search, "inner_suffices", lambda *_: False)
+    monkeypatch.setattr(moves_search, "outdone", lambda *_: False)
     asked: list[tuple[str, float]] = []
 
     def to_the_end(_scene: Any, one: Any, near: float = 2.0, _as_well: float = 1.3) -> Any:
@@ -121,6 +122,29 @@ def test_what_another_effect_contains_is_begun_where_that_one_ended(
 
 
 @pytest.mark.parametrize(
+    ("name", "ended", "described", "far", "outdone"),
+    [
+        ("transmission_ripple", True, True, 1.6, True),
+        ("transmission_ripple", False, True, 1.6, False),
+        ("transmission_ripple", True, False, 1.6, False),
+        ("transmission_ripple", True, True, 1.4, False),
+        ("sensor_filter", True, True, 1.6, False),
+    ],
+    ids=["far behind", "the other not ended", "not all described", "not far behind", "nearly its law"],
+)
+def test_what_is_far_behind_one_that_is_ended_and_describes_all_is_not_ended(
+    monkeypatch: Any, name: str, ended: bool, described: bool, far: float, outdone: bool
+) -> None:
+    """A preload left 1.05, and a ripple, at 1.53, was ended for 27 s beside it."""
+    latency = SimpleNamespace(model=SimpleNamespace(ended=ended), away=1.0)
+    other = SimpleNamespace(model=SimpleNamespace(ended=False), away=far)
+    monkeypatch.setattr(moves_search, "distance", lambda trial: trial.away)
+    monkeypatch.setattr(moves_search, "describes_all", lambda _present, trial: described and trial is latency)
+    trials = cast(Any, {"sensor_latency": latency, name: other})
+    assert moves_search.outdone(name, PRESENT, trials) is outdone
+
+
+@pytest.mark.parametrize(
     ("ended", "left", "suffices"), [(True, 1.2, True), (False, 1.2, False), (True, 1.4, False)]
 )
 def test_what_contains_an_effect_that_leaves_next_to_nothing_is_not_ended(
@@ -152,6 +176,7 @@ def test_where_none_is_anywhere_near_the_nearest_alone_is_settled(
     monkeypatch.setattr(moves_search, "led_on", lambda fitted, *_: fitted)
     monkeypatch.setattr(moves_search, "trial_of", lambda _scene, fitted, **_: trials[fitted.name])
     monkeypatch.setattr(moves_search, "inner_suffices", lambda *_: False)
+    monkeypatch.setattr(moves_search, "outdone", lambda *_: False)
     monkeypatch.setattr(moves_search, "to_the_end", lambda _scene, one, *_: one)
     moves_search.finished(SCENE, PRESENT, cast(Any, trials))
     assert asked == settled
@@ -184,6 +209,7 @@ def test_the_nearest_that_is_led_on_is_judged_by_where_it_ended(monkeypatch: Any
     monkeypatch.setattr(moves_search, "led_on", led_on)
     monkeypatch.setattr(moves_search, "trial_of", lambda _scene, fitted, **_: by_name[fitted.name])
     monkeypatch.setattr(moves_search, "inner_suffices", lambda *_: False)
+    monkeypatch.setattr(moves_search, "outdone", lambda *_: False)
     ended: list[Any] = []
     monkeypatch.setattr(moves_search, "to_the_end", lambda _scene, one, *_: ended.append(one) or one)
     done = moves_search.finished(SCENE, PRESENT, cast(Any, trials))
@@ -319,7 +345,7 @@ def test_a_law_in_coarser_pieces_is_refined_before_the_motors_speak_against_its_
 @pytest.mark.parametrize("against", [True, False])
 def test_what_the_motors_speak_against_is_neither_led_on_nor_ended(monkeypatch: Any, against: bool) -> None:
     fitted = SimpleNamespace(name=BODY, model=SimpleNamespace(parameters=()))
-    explained = SimpleNamespace(fitted=fitted)
+    explained = SimpleNamespace(fitted=fitted, ended=False)
     trial = SimpleNamespace(train_rms=1.6, held_rms=1.6, model=explained, at_limits=())
     done: list[str] = []
     monkeypatch.setattr(moves_search, "plainly_against", lambda _present, _trial: against)
@@ -347,7 +373,8 @@ def test_a_hopeless_fit_is_led_on_only_where_a_part_is_gone(
 ) -> None:
     """A ripple left 8.5 of 21 on a wrong chain, a spring 4.5 of 6.3, and a hung mass that was none came nearer; the
     motors speak against it as against any that is as far off."""
-    explained = SimpleNamespace(fitted=SimpleNamespace(model=SimpleNamespace(parameters=())))
+    fitted = SimpleNamespace(model=SimpleNamespace(parameters=()))
+    explained = SimpleNamespace(fitted=fitted, ended=False)
     trial = SimpleNamespace(train_rms=left, held_rms=30.0, model=explained, at_limits=())
     asked: list[Any] = []
     monkeypatch.setattr(moves_search, "plainly_against", lambda _present, _trial: True)
