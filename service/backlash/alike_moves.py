@@ -13,13 +13,18 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, PPoly
 from scipy.ndimage import uniform_filter1d
 
 from service.recording import FloatArray, Move, Trace
 
 WINDOW = 0.012
 """Length of the window [s]; chosen: about the time in which a gap is crossed."""
+LASTING = 1.0
+"""RMS of what lasts, over the noise of one sample, up to which moves are made alike (chosen: some four times what
+chance does, and nothing beside what a motion between two samples may be)."""
+FINE = 5e-5
+"""Spacing of the points of a mean motion [s]; chosen: a twentieth of what the fastest chains swing in."""
 ALIKE = 0.02
 """Share by which lengths and durations of alike moves may differ (chosen)."""
 
@@ -58,7 +63,7 @@ def averaged(trace: Trace, moves: Sequence[Move], noise: float, after: float) ->
     """
     value, left = trace.value.copy(), np.ones(len(trace))
     course, begin, end = CubicSpline(trace.time, trace.value), trace.time[0], trace.time[-1]
-    width = max(4, round(WINDOW / float(np.median(np.diff(trace.time)))))
+    width = window_of(trace)
     for group in groups(moves):
         places = [np.searchsorted(trace.time, (moves[k].start, moves[k].end + after)) for k in group]
         count, length = len(group), int(np.min(np.diff(places)))
@@ -86,3 +91,64 @@ def averaged(trace: Trace, moves: Sequence[Move], noise: float, after: float) ->
 def real_share(power: FloatArray, by_chance: float) -> FloatArray:
     """Share of deviations that is no chance, from their power and the power that chance has."""
     return np.asarray(np.clip(1.0 - by_chance / np.maximum(power, 1e-300), 0.0, 1.0))
+
+
+def made_alike(
+    moves: Sequence[Move], channels: Sequence[tuple[Trace, float]], after: float
+) -> tuple[tuple[int, ...], ...]:
+    """Groups of two and more moves that the drives made alike: whatever of their `channels`, speeds and torques with
+    the noise of a sample each, lasts as long as the window differs by less than that. What is quicker may differ all
+    the same, where samples that lie otherwise in a swing show it otherwise. The first of a recording is in none: before
+    it nothing was left to swing."""
+    out = []
+    for group in groups(moves):
+        left = [k for k in group if k > 0]
+        while len(left) > 1:
+            apart = [
+                max(slowly_apart(trace, noise, moves, k, left, after) for trace, noise in channels)
+                for k in left
+            ]
+            if max(apart) <= LASTING:
+                out.append(tuple(left))
+                break
+            left.pop(int(np.argmax(apart)))
+    return tuple(out)
+
+
+def slowly_apart(
+    trace: Trace, noise: float, moves: Sequence[Move], k: int, group: Sequence[int], after: float
+) -> float:
+    """RMS, over the noise of a sample, of how far a move's samples are in a window from the median of the others."""
+    first, last = np.searchsorted(trace.time, (moves[k].start, moves[k].end + after))
+    since, width = trace.time[first:last] - moves[k].start, window_of(trace)
+    if last - first <= 3 * width:
+        return np.inf
+    course, begin, end = CubicSpline(trace.time, trace.value), trace.time[0], trace.time[-1]
+    others = [course(np.clip(since + moves[j].start, begin, end)) for j in group if j != k]
+    apart = trace.value[first:last] - np.median(others, axis=0)
+    # Twice: one window passes a tenth of what swings three times in it.
+    slow = uniform_filter1d(uniform_filter1d(apart, width), width)[width:-width]
+    return float(np.sqrt(np.mean(slow**2)) / max(noise, 1e-300))
+
+
+def window_of(trace: Trace) -> int:
+    """Samples of the window, four at least."""
+    return max(4, round(WINDOW / float(np.median(np.diff(trace.time)))))
+
+
+def on_one_course(motions: Sequence[PPoly], starts: Sequence[float]) -> list[PPoly]:
+    """Motions [m] of moves that the drives made alike and that began at `starts` [s], each on the mean of their speeds
+    and where it was itself: what the samples of one miss, those of another meet that lie otherwise in the move."""
+    since = [
+        (float(m.x[0]) - start, float(m.x[-1]) - start) for m, start in zip(motions, starts, strict=True)
+    ]
+    begin, end = max(first for first, _ in since), min(last for _, last in since)
+    times = np.linspace(begin, end, 1 + round((end - begin) / FINE))
+    speed = np.mean([m(times + start, 1) for m, start in zip(motions, starts, strict=True)], axis=0)
+    way = CubicSpline(times, speed).antiderivative()
+    out = []
+    for motion, start in zip(motions, starts, strict=True):
+        own = PPoly(way.c.copy(), way.x + start)
+        own.c[-1] += float(np.mean(motion(times + start) - way(times)))
+        out.append(own)
+    return out

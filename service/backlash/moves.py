@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from service.backlash.alike_moves import averaged as averaged_over
+from service.backlash.alike_moves import made_alike, on_one_course
 from service.backlash.model_fit_data import KEPT, acceleration_of, bias_at_rest, reconstructed
 from service.backlash.motor_rows import MotorRows, motor_rows
 from service.backlash.rest_noise import noise_at_rest, sample_noise
@@ -119,6 +120,7 @@ class Moves:
     wander, white : how what is expected divides, and whether residuals are whitened by it
     lasting : how long residuals of acceleration are summed up to those of speed [s]; 0: they are compared themselves
     apart : how far a gantry's motors may be apart beyond their positions, over the prior's width
+    alike : moves of the recording, by index, that the drives made alike
     motors : (T, X) what the motors' equations of motion say of the forces on them; none where they are not asked
     """
 
@@ -140,6 +142,7 @@ class Moves:
     white: bool = False
     lasting: float = 0.0
     apart: float = 1.0
+    alike: tuple[tuple[int, ...], ...] = ()
     motors: tuple[tuple[MotorRows, ...], ...] = ()
 
     @property
@@ -217,12 +220,19 @@ def with_drives_averaged(
     return replace(recording, traces=traces), tuple(left[a, "motor_speed"] for a in axes)
 
 
+def drives_of(recording: Recording, axes: Sequence[str]) -> list[tuple[Trace, float]]:
+    """Speeds and torques of the axes' drives, each with the noise of a sample."""
+    traces = [recording.traces.get((a, c)) for a in axes for c in ("motor_speed", "motor_torque")]
+    return [(trace, sample_noise(trace, recording)) for trace in traces if trace is not None]
+
+
 def moves_of(
     recording: Recording, axes: Sequence[str], tail: float = 0.0, *, averaged: bool = False
 ) -> Moves:
     """The grids, the noise and the plain motor motion of all moves of a recording, each until `tail` [s] after its
     end; with `averaged` by what the drives do alike in several moves."""
     noise_left = tuple(np.ones(len(recording.traces[a, "motor_speed"])) for a in axes)
+    alike = made_alike(recording.moves, drives_of(recording, axes), tail)
     if averaged:
         recording, noise_left = with_drives_averaged(recording, axes)
     traces = [acceleration_of(recording, axis) for axis in axes]
@@ -254,6 +264,7 @@ def moves_of(
         rest,
         expected,
         apart=min(1.0, float(np.linalg.norm(off)) / WANDERING),
+        alike=alike,
     )
 
 
@@ -389,7 +400,7 @@ def with_reconstructed_motion(
 ) -> Moves:
     """The moves with the motor's motion between its samples by the model's force and the torque, eq. (1).
 
-    With `follow` that motion goes on following the force.
+    With `follow` that motion goes on following the force. Moves that were made alike have one motion.
     """
     values, lags = model.complete(model.values(shared[None])), model.lags(model.numbers(shared))
     kept = 0.0 if moves.reference is None else KEPT
@@ -399,7 +410,7 @@ def with_reconstructed_motion(
         loads = [(grid.time + skew, force[t, x]) for t, grid in enumerate(moves.grids)]
         before = [motion[x] for motion in moves.motion]
         motion, balance = reconstructed(moves.recording, axis, loads, before, kept, lags[x])
-        motions.append(motion)
+        motions.append(alike_on_one_course(moves, motion))
         speed = moves.recording.traces[axis, "motor_speed"]
         echoes.append(echoes_of(speed, loads, balance, 1.0 - kept, lags[x]) if follow else [])
     return replace(
@@ -408,6 +419,18 @@ def with_reconstructed_motion(
         echoes=tuple(zip(*echoes, strict=True)),
         reference=force if follow else None,
     )
+
+
+def alike_on_one_course(moves: Moves, motions: Sequence[PPoly]) -> list[PPoly]:
+    """The motions of one motor (T,), those of moves that were made alike on their mean course."""
+    out, of_index = list(motions), {grid.index: t for t, grid in enumerate(moves.grids)}
+    for group in moves.alike:
+        here = [of_index[index] for index in group if index in of_index]
+        if len(here) > 1:
+            starts = [moves.recording.moves[moves.grids[t].index].start for t in here]
+            for t, motion in zip(here, on_one_course([motions[t] for t in here], starts), strict=True):
+                out[t] = motion
+    return out
 
 
 def with_motors_asked(

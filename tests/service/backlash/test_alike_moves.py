@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
-from service.backlash.alike_moves import averaged, groups
+from service.backlash.alike_moves import averaged, groups, made_alike, on_one_course
 from service.recording import FloatArray, Move, Trace
 
 NOISE, COUNT, APART = 0.003, 10, 0.4405
@@ -108,3 +111,53 @@ def test_a_move_at_the_end_of_the_recording_is_compared_with_what_there_is() -> 
     quiet, _ = averaged(cut, moves(), NOISE, 0.03)
     at = inside[: len(cut)] & (cut.time < end - 0.01)
     assert error(quiet, true[: len(cut)], at) < 1.1 * NOISE
+
+
+def test_moves_that_differ_by_chance_or_by_where_their_samples_lie_in_a_swing_are_made_alike() -> None:
+    """A swing of 700 Hz of ten times the noise is met otherwise by samples at 1 kHz that begin between one another."""
+    made = tuple(replace(move, start=0.35 + (APART - 2.5e-4) * k) for k, move in enumerate(moves()))
+    every, time = ((2, 4, 6, 8), (1, 3, 5, 7, 9)), 0.001 * np.arange(5000)
+    noise = NOISE * np.random.default_rng(6).standard_normal(len(time))
+    assert made_alike(made, [(Trace(time, course(time, made) + noise), NOISE)], 0.0) == every
+    since = time[:, None] - np.array([move.start for move in made])
+    within = (since > 0.0) & (since < made[0].duration)
+    swing = np.sum(np.where(within, 10.0 * NOISE * np.sin(2 * np.pi * 700.0 * since), 0.0), axis=1)
+    third, fifth = (swing[np.flatnonzero(within[:, k])[:80]] for k in (2, 4))
+    assert np.std(third - fifth) > 3.0 * NOISE
+    assert made_alike(made, [(Trace(time, course(time, made) + swing + noise), NOISE)], 0.0) == every
+
+
+def test_a_move_that_lasts_otherwise_is_made_like_none() -> None:
+    """By twice the noise of a sample, in the speed or in the torque; the rest of its direction stay alike."""
+    odd, _, _ = recorded(odd=2.0 * NOISE)
+    quiet, _, _ = recorded(seed=5)
+    without = ((4, 6, 8), (1, 3, 5, 7, 9))
+    assert made_alike(moves(), [(odd, NOISE)], 0.0) == without
+    assert made_alike(moves(), [(quiet, NOISE), (odd, NOISE)], 0.0) == without
+
+
+def test_moves_of_other_lengths_are_made_alike_only_by_themselves() -> None:
+    made = moves((0.004, 0.006))
+    quiet, _, _ = recorded()
+    assert [made[k].length for group in made_alike(made, [(quiet, NOISE)], 0.0) for k in group] == [
+        *[0.004] * 2,
+        *[0.004] * 3,
+        *[0.006] * 2,
+        *[0.006] * 2,
+    ]
+
+
+def test_the_mean_motion_is_that_of_all_and_each_stays_where_it_was() -> None:
+    """Speeds in error by ±1 mm/s, and two places 0.1 mm apart; places to 20 nm."""
+    starts, places = (0.4, 1.3), (0.0, 1e-4)
+    times = np.linspace(0.0, 0.09, 181)
+    motions = []
+    for start, place, sign in zip(starts, places, (1.0, -1.0), strict=True):
+        speed = 0.1 * np.sin(np.pi * times / 0.09) + sign * 1e-3 * np.sin(2 * np.pi * 100.0 * times)
+        way = CubicSpline(times + start, speed).antiderivative()
+        way.c[-1] += place
+        motions.append(way)
+    mean = on_one_course(motions, starts)
+    for motion, before, start in zip(mean, motions, starts, strict=True):
+        np.testing.assert_allclose(motion(times + start, 1), 0.1 * np.sin(np.pi * times / 0.09), atol=2e-6)
+        assert np.mean(motion(times + start)) == pytest.approx(np.mean(before(times + start)), abs=2e-8)

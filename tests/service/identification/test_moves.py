@@ -336,3 +336,18 @@ def test_an_amount_has_no_limit_that_a_machine_may_reach(found: Fitted) -> None:
         assert numbers[f"X1.{name}"] == pytest.approx(value)
         gear = next(p for p in model.parameters if p.name == "X1.gear_mass")
         assert numbers["X1.gear_mass"] == pytest.approx(float(gear.value(5.0)))
+
+
+def test_moves_that_were_made_alike_have_one_motion(found: Fitted) -> None:
+    """And only these: the first of a recording has its own."""
+    (moves,) = reconstructed(found)
+    assert sum(map(len, moves.alike)) >= 6
+
+    def speed(k: int) -> FloatArray:
+        return np.asarray(moves.motion[k][0](np.linspace(0.0, 0.08, 50) + moves.recording.moves[k].start, 1))
+
+    for group in moves.alike:
+        for k in group:
+            np.testing.assert_allclose(speed(k), speed(group[0]), atol=1e-9)
+    first = next(group for group in moves.alike if moves.s[group[0]] == moves.s[0])
+    assert np.max(np.abs(speed(0) - speed(first[0]))) > 1e-6
