@@ -22,9 +22,9 @@ WINDOW = 0.012
 """Length of the window [s]; chosen: about the time in which a gap is crossed."""
 LASTING = 1.0
 """RMS of what lasts, over the noise of one sample, up to which moves are made alike (chosen: some four times what
-chance does, and nothing beside what a motion between two samples may be)."""
+chance does at 1 kHz)."""
 FINE = 5e-5
-"""Spacing of the points of a mean motion [s]; chosen: a twentieth of what the fastest chains swing in."""
+"""Spacing of the points of a mean motion [s] (chosen: a twentieth of a swing of 1 kHz)."""
 ALIKE = 0.02
 """Share by which lengths and durations of alike moves may differ (chosen)."""
 
@@ -100,13 +100,14 @@ def made_alike(
     the noise of a sample each, lasts as long as the window differs by less than that. What is quicker may differ all
     the same, where samples that lie otherwise in a swing show it otherwise. The first of a recording is in none: before
     it nothing was left to swing."""
+    courses = [(trace, CubicSpline(trace.time, trace.value), noise) for trace, noise in channels]
     out = []
     for group in groups(moves):
         left = [k for k in group if k > 0]
         while len(left) > 1:
+            others = {k: [moves[j].start for j in left if j != k] for k in left}
             apart = [
-                max(slowly_apart(trace, noise, moves, k, left, after) for trace, noise in channels)
-                for k in left
+                max(slowly_apart(*channel, moves[k], others[k], after) for channel in courses) for k in left
             ]
             if max(apart) <= LASTING:
                 out.append(tuple(left))
@@ -116,16 +117,17 @@ def made_alike(
 
 
 def slowly_apart(
-    trace: Trace, noise: float, moves: Sequence[Move], k: int, group: Sequence[int], after: float
+    trace: Trace, course: CubicSpline, noise: float, move: Move, others: Sequence[float], after: float
 ) -> float:
-    """RMS, over the noise of a sample, of how far a move's samples are in a window from the median of the others."""
-    first, last = np.searchsorted(trace.time, (moves[k].start, moves[k].end + after))
-    since, width = trace.time[first:last] - moves[k].start, window_of(trace)
+    """RMS, over the noise of a sample, of how far a move's samples are in a window from the median of those that began
+    at `others` [s], read off the `course` through all samples."""
+    first, last = np.searchsorted(trace.time, (move.start, move.end + after))
+    since, width = trace.time[first:last] - move.start, window_of(trace)
     if last - first <= 3 * width:
         return np.inf
-    course, begin, end = CubicSpline(trace.time, trace.value), trace.time[0], trace.time[-1]
-    others = [course(np.clip(since + moves[j].start, begin, end)) for j in group if j != k]
-    apart = trace.value[first:last] - np.median(others, axis=0)
+    begin, end = trace.time[0], trace.time[-1]
+    theirs = [course(np.clip(since + start, begin, end)) for start in others]
+    apart = trace.value[first:last] - np.median(theirs, axis=0)
     # Twice: one window passes a tenth of what swings three times in it.
     slow = uniform_filter1d(uniform_filter1d(apart, width), width)[width:-width]
     return float(np.sqrt(np.mean(slow**2)) / max(noise, 1e-300))

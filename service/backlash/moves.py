@@ -207,23 +207,21 @@ def sensor_zero(trace: Trace, recording: Recording, noise: float) -> float:
     return float(np.trapezoid(trace.value, trace.time)) / length
 
 
+def drives_of(recording: Recording, axes: Sequence[str]) -> dict[tuple[str, str], tuple[Trace, float]]:
+    """Speeds and torques of the axes' drives, where recorded, each with the noise of a sample."""
+    keys = [(a, c) for a in axes for c in ("motor_speed", "motor_torque") if (a, c) in recording.traces]
+    return {key: (recording.traces[key], sample_noise(recording.traces[key], recording)) for key in keys}
+
+
 def with_drives_averaged(
     recording: Recording, axes: Sequence[str]
 ) -> tuple[Recording, tuple[FloatArray, ...]]:
     """The recording with what the axes' drives do alike in several moves told from noise; and what is left of the noise
     of every axis' speed."""
     traces, left = dict(recording.traces), {}
-    for key in ((a, c) for a in axes for c in ("motor_speed", "motor_torque")):
-        if key in traces:
-            noise = sample_noise(traces[key], recording)
-            traces[key], left[key] = averaged_over(traces[key], recording.moves, noise, TAIL)
+    for key, (trace, noise) in drives_of(recording, axes).items():
+        traces[key], left[key] = averaged_over(trace, recording.moves, noise, TAIL)
     return replace(recording, traces=traces), tuple(left[a, "motor_speed"] for a in axes)
-
-
-def drives_of(recording: Recording, axes: Sequence[str]) -> list[tuple[Trace, float]]:
-    """Speeds and torques of the axes' drives, each with the noise of a sample."""
-    traces = [recording.traces.get((a, c)) for a in axes for c in ("motor_speed", "motor_torque")]
-    return [(trace, sample_noise(trace, recording)) for trace in traces if trace is not None]
 
 
 def moves_of(
@@ -232,7 +230,7 @@ def moves_of(
     """The grids, the noise and the plain motor motion of all moves of a recording, each until `tail` [s] after its
     end; with `averaged` by what the drives do alike in several moves."""
     noise_left = tuple(np.ones(len(recording.traces[a, "motor_speed"])) for a in axes)
-    alike = made_alike(recording.moves, drives_of(recording, axes), tail)
+    alike = made_alike(recording.moves, list(drives_of(recording, axes).values()), tail)
     if averaged:
         recording, noise_left = with_drives_averaged(recording, axes)
     traces = [acceleration_of(recording, axis) for axis in axes]

@@ -102,25 +102,32 @@ def evidence_of(
             f"tell to about {1e6 * known:.1f} µm: hold the motor and turn the pinion by hand to measure the "
             "gearbox alone"
         )
-    apart = apart_in_time(selection.before.model.fitted, axis)
-    if finding == "unknown" and apart:
+    if finding == "unknown":
+        lines += of_unknown(selection, axis, model)
+    return tuple(lines)
+
+
+def of_unknown(selection: Selection[Explained], axis: int, model: str) -> list[str]:
+    """What an axis' moves show of something that nothing explains."""
+    lines, found = [], selection.before.model.fitted
+    apart, alike = apart_in_time(found, axis), pure_error(found)
+    if apart:
         lines.append(
             f"the {model} model needs channels that are {1e6 * abs(apart):.0f} µs apart in time, more than a "
             "measurement's clocks are: a channel is late, or a stage of the transmission creeps under its force, as a "
             "slipping coupling or a belt does. Check the time stamps, then look for a mark that wanders between motor "
             "and pinion"
         )
-    alike = pure_error(selection.before.model.fitted)
-    if finding == "unknown" and alike.beyond_any_effect:
+    if alike.beyond_any_effect:
         lines.append(
             f"moves of one set-point from one place differ by {alike.apart:.1f} of what is expected, of "
             f"{alike.together:.1f} in all: what acts does not follow the motion, and nothing was searched for that "
             "does. Look for a sensor or a cable that is loose, a clock that jumps, a machine near by that runs, a load "
             "that was changed or a part that warms up, and record again"
         )
-    if finding == "unknown" and selection.effects:
+    if selection.effects:
         lines.append(f"{', '.join(selection.effects)} explain a part, but not enough to be named")
-    return tuple(lines)
+    return lines
 
 
 def zeros_found_again(effects: Sequence[DrivenEffect]) -> tuple[str, ...]:

@@ -104,8 +104,8 @@ def nothing_beyond(trial: Trial[Explained]) -> Selection[Explained]:
 
 
 def beyond_motion(before: Trial[Explained]) -> Selection[Explained]:
-    """The outcome where what is missing does not follow the motion: every effect is refused for that."""
-    held = {effect.name for effect in before.model.fitted.model.effects}
+    """The outcome where what is missing does not follow the motion: every effect that does is refused for that."""
+    held = {effect.name for effect in before.model.fitted.model.effects} | {DrivenBias.name}
     why = "follows the motion, while moves that are alike differ from one another"
     refused = tuple(Candidate(name, before.held_rms, 1.0, False, why) for name in DRIVEN if name not in held)
     return replace(nothing_beyond(before), candidates=refused)

@@ -190,8 +190,8 @@ def hidden(
     name, gain = nearest.model.effects[-1].name, Gain.of(present, nearest)
     trial = trial_of(scene, nearest, thorough=gain.is_of(PART))
     if not (nothing_left(nearest) and describes_all(before, trial)):
-        far_off = nearest.rms > SOUND or closed(nearest)
-        divided = nearest if far_off else otherwise_divided(nearest)
+        two_gaps = nearest.rms <= SOUND and not closed(nearest)
+        divided = otherwise_divided(nearest) if two_gaps else nearest
         gain = Gain.of(present, divided)
         trial = trial if divided is nearest else trial_of(scene, divided, thorough=gain.is_of(PART))
     tell(f"tried {name}: {gain.together[1]:.3f} with the motors (now {gain.together[0]:.3f})")
@@ -210,8 +210,8 @@ def promising(scene: Scene, base: Fitted, candidate: DrivenCandidate) -> list[Fi
     present = left_at_present(asked(base), base)
     for seed in range(SEED, SEED + (SEARCHES if base.rms <= LEFT else 1)):
         found = valleys(scene, base, candidate, seed)
-        near = [one for one in found if gone(present, one.rms_with_motors, OF_FEW)]
-        near = [one for one in near if one.rms_with_motors < HOPELESS]
+        sound = [one for one in found if one.rms_with_motors < HOPELESS]
+        near = [one for one in sound if gone(present, one.rms_with_motors, OF_FEW)]
         if near or not (found and worth_following(present, found[0].rms_with_motors)):
             break
     return near[:VALLEYS]

@@ -57,19 +57,19 @@ def pure_error(found: Fitted) -> PureError:
 
 def repeated(moves: Moves) -> Iterator[list[int]]:
     """Two and more moves of one set-point that begin at one place, as long after a move that was alike, too: what that
-    left to swing on is alike. The first of a recording is none of them."""
+    left to swing on is alike; as the last of them, for the first may still come from elsewhere. The first of a
+    recording is none of them."""
     place = np.stack([course(moves.start) for course in moves.plain], axis=1)
     made = [moves.recording.moves[grid.index] for grid in moves.grids]
     pause = np.diff([move.start for move in made], prepend=np.nan)
 
-    def as_made(k: int, first: int) -> bool:
-        there = np.max(np.abs(place[k] - place[first])) <= ALIKE * made[k].length
-        then = abs(pause[k] - pause[first]) <= AT_ONCE and alike(made[k - 1], made[first - 1])
+    def as_made(k: int, last: int) -> bool:
+        there = np.max(np.abs(place[k] - place[last])) <= ALIKE * made[k].length
+        then = abs(pause[k] - pause[last]) <= AT_ONCE and alike(made[k - 1], made[last - 1])
         return bool(there and then and np.all(np.sum(moves.used[k], axis=1) > 1))
 
     for group in groups(made):
-        first, *others = [k for k in group if k > 0] or [0]
-        same = [first, *(k for k in others if as_made(k, first))]
+        same = [k for k in group if k > 0 and as_made(k, group[-1])]
         if len(same) > 1:
             yield same
 

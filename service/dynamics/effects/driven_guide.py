@@ -19,8 +19,7 @@ from service.recording import FloatArray
 SLOWEST, TOP = 2e-3, 0.1
 """Speeds of a diagnostic step [m/s] from which on friction has turned over, and at the top."""
 USUAL = 0.02
-"""What a standard deviation of a number's prior counts [m/s²] where a curve hardly tells it (chosen: a tenth of what
-friction curves differ by)."""
+"""What a standard deviation of a number's prior counts [m/s²] where a curve hardly tells it (chosen)."""
 ONE_WAY = {"constant_force": 1.0, "spring_preload": 1.0, "coulomb_asymmetry": -1.0, "viscous_asymmetry": -TOP}
 """What a unit of each adds to the force that acts one way while an axis moves; viscous friction at the top speed."""
 

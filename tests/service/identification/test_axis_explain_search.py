@@ -132,6 +132,7 @@ def test_nothing_is_searched_where_alike_moves_differ_by_what_is_missing(
     refused = [candidate.effect for candidate in found.candidates]
     assert "sensor_latency" in refused
     assert "sensor_gain" not in refused, "it is in the model already"
+    assert "sensor_bias" not in refused, "it does not follow the motion"
     assert not any(candidate.accepted for candidate in found.candidates)
 
 
