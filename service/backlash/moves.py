@@ -32,7 +32,7 @@ from service.dynamics.driven_motion import (
 )
 from service.dynamics.driven_reconstruction import Balance, Echo, Load, answered, echo, window
 from service.dynamics.effects.driven_bodies import WANDER, WANDERING
-from service.recording import FloatArray, Recording, Trace
+from service.recording import FloatArray, Move, Recording, Trace
 
 LEAD = 0.002
 """Time simulated before a move begins [s]: the axis is at rest there."""
@@ -162,6 +162,11 @@ class Moves:
         return np.array([grid.start for grid in self.grids])
 
     @property
+    def made(self) -> list[Move]:
+        """The moves (T,) as they were commanded."""
+        return [self.recording.moves[grid.index] for grid in self.grids]
+
+    @property
     def loads(self) -> FloatArray:
         """(T, 2·X) coordinates of the loads from which each move's own count; by default at the driving flank, at
         rest."""
@@ -268,10 +273,7 @@ def moves_of(
 
 def early_part(moves: Moves, share: float) -> Moves:
     """The same moves cut off after the first `share` of each."""
-    ends = [
-        moves.recording.moves[g.index].start + share * moves.recording.moves[g.index].duration
-        for g in moves.grids
-    ]
+    ends = [move.start + share * move.duration for move in moves.made]
     K = max(int(np.sum(grid.time[1:] <= end)) for grid, end in zip(moves.grids, ends, strict=True))
     grids = tuple(
         replace(grid, measured=grid.measured[:, :K], used=(grid.used & (grid.time[1:] <= end))[:, :K])
@@ -425,7 +427,7 @@ def alike_on_one_course(moves: Moves, motions: Sequence[PPoly]) -> list[PPoly]:
     for group in moves.alike:
         here = [of_index[index] for index in group if index in of_index]
         if len(here) > 1:
-            starts = [moves.recording.moves[moves.grids[t].index].start for t in here]
+            starts = [moves.made[t].start for t in here]
             for t, motion in zip(here, on_one_course([motions[t] for t in here], starts), strict=True):
                 out[t] = motion
     return out

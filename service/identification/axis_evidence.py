@@ -47,8 +47,7 @@ def of_motor(left: float, model: str) -> tuple[str, ...]:
 def shares(moves: Moves) -> FloatArray:
     """(T, K) how far each sample's move has gone."""
     out = []
-    for grid in moves.grids:
-        move = moves.recording.moves[grid.index]
+    for grid, move in zip(moves.grids, moves.made, strict=True):
         out.append((grid.time[:-1] + 0.5 * grid.h - move.start) / move.duration)
     return np.stack(out)
 

@@ -119,11 +119,11 @@ def widening(found: Fitted, effect: DrivenLocalBacklash, axis: int) -> tuple[flo
 
 def crossings(found: Fitted, axis: int) -> FloatArray:
     """Where the gap is crossed [m] from where the recording began: at CROSSED of every move's duration."""
-    places = []
-    for part in found.moves:
-        for grid in part.grids:
-            move = part.recording.moves[grid.index]
-            places.append(float(part.plain[axis](move.start + CROSSED * move.duration)))
+    places = [
+        float(part.plain[axis](move.start + CROSSED * move.duration))
+        for part in found.moves
+        for move in part.made
+    ]
     return np.array(places)
 
 

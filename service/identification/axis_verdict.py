@@ -67,10 +67,12 @@ COMMON: Mapping[str, Impurity] = {
     "contact_nonlinearity": Impurity("bend", 0.2, 0.0),
     "hung_mass_mode": Impurity("hung_ratio", 0.02, 0.0),
     "machine_body_mode": Impurity("body_ratio", 0.02, 0.0),
+    "constant_force": Impurity("constant_force", 0.02, 0.0),
 }
 """What every rack, flank, carriage and bed has a little of, and what is therefore no finding where it does not change
 the backlash. Steel on steel in line contact has a bend of 1/9; twice that is none. Hoses, chains and covers of a
-fiftieth of the load hang elastically on every carriage, and a body fifty times as heavy hardly moves. A mesh has no
+fiftieth of the load hang elastically on every carriage, and a body fifty times as heavy hardly moves. A bed that
+falls by 2 mm in a metre is level enough to run, and pulls with a fiftieth of a m/s². A mesh has no
 limit by itself: a slow error may be large; a thousandth of the pitch is small. What repeats with the rack's teeth or
 more slowly is of its mesh."""
 OF_SOUND = 2.0
@@ -405,8 +407,7 @@ def _prediction(which: str, held: Held, axis: int) -> Prediction:
     """At the capture's own time stamps: every sample of a move lies in one interval of the grid."""
     moves, times, values = held.moves, [], []
     trace = moves.recording.traces[moves.axes[axis], "acceleration"]
-    for t, grid in enumerate(moves.grids):
-        move = moves.recording.moves[grid.index]
+    for t, (grid, move) in enumerate(zip(moves.grids, moves.made, strict=True)):
         part = trace.between(move.start, move.end)
         at = np.clip(np.floor((part.time - grid.start) / grid.h).astype(int), 0, moves.samples - 1)
         times.append(part.time)

@@ -60,7 +60,7 @@ def repeated(moves: Moves) -> Iterator[list[int]]:
     left to swing on is alike; as the last of them, for the first may still come from elsewhere. The first of a
     recording is none of them."""
     place = np.stack([course(moves.start) for course in moves.plain], axis=1)
-    made = [moves.recording.moves[grid.index] for grid in moves.grids]
+    made = moves.made
     pause = np.diff([move.start for move in made], prepend=np.nan)
 
     def as_made(k: int, last: int) -> bool:
@@ -77,10 +77,7 @@ def repeated(moves: Moves) -> Iterator[list[int]]:
 def laid_over(moves: Moves, over: FloatArray, group: list[int], axis: int) -> FloatArray:
     """The residuals (T, K) of a group of moves at the same times of each after it was begun: (moves, times)."""
     used = [moves.used[k, axis] for k in group]
-    since = [
-        moves.grids[k].time[:-1][u] - moves.recording.moves[moves.grids[k].index].start
-        for k, u in zip(group, used, strict=True)
-    ]
+    since = [moves.grids[k].time[:-1][u] - moves.made[k].start for k, u in zip(group, used, strict=True)]
     begin, end = max(times[0] for times in since), min(times[-1] for times in since)
     period = float(np.median(np.diff(since[0])))
     at = np.arange(begin, end, period)

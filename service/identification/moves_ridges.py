@@ -61,6 +61,9 @@ damping led to the planted chain, too, where no other beginning did, and four ti
 COMPARED, AFTER = 8, 3
 """How many of those are followed after a few rounds, and how many of these to their end (chosen: the last of the eight
 led to a planted chain)."""
+OF_COULOMB = (0.97, 0.6)
+"""Shares of a guide's friction that are begun with as Coulomb friction (chosen: a dry guide, and one that is well
+lubricated)."""
 SAME, NO_NEARER = 1.0, 0.98
 """Difference of every number, in standard deviations of its prior, within which a fit is in the same place, and the RMS
 over that of before down to which it is (chosen: what is expected of the noise moves it by two parts in a hundred)."""
@@ -85,6 +88,9 @@ def over_ridges(found: Fitted, others: Callable[[Fitted], Iterator[FloatArray]] 
     near = [fit(few, found.model, at, BRIEF) for at in begun]
     near += [
         speeds_first(few, found.model, at, lasting, BRIEF) for at in (here.at, back[1]) for lasting in SUMMED
+    ]
+    near += [
+        fit(few, found.model, begun_at(few, found.model, v, own), BRIEF) for v in otherwise_rubbing(found)
     ]
     far = [fit(few, found.model, at, BRIEF) for at in back]
     on = if_nearer(found, here, [fit(few, found.model, f.at, ROUNDS) for f in (*leading(near, LAST), *far)])
@@ -208,6 +214,21 @@ def on_typical_chain(found: Fitted) -> Values:
     own = {p.name for effect in found.model.effects for p in effect.parameters}
     kept = {name for name in own if not name.endswith(TOLERANCES)}
     return {k: v for k, v in values_at(found).items() if k in kept or k.endswith(("backlash", *GUIDE))}
+
+
+def otherwise_rubbing(found: Fitted) -> Iterator[Values]:
+    """The values of a fit with the friction of every guide, as much at the mean speed of the moves, otherwise divided
+    into Coulomb and viscous: what tells them apart is how the load stops, and a fit that stops it otherwise, by a
+    chain that is not the machine's, finds its way back over a ridge only."""
+    values, moves = values_at(found), [move for part in found.moves for move in part.made]
+    speed = sum(move.length for move in moves) / sum(move.duration for move in moves)
+    for share in OF_COULOMB:
+        out = dict(values)
+        for axis in found.model.axes:
+            coulomb, viscous = (f"{axis}.{name}" for name in GUIDE)
+            friction = values[coulomb] + speed * values[viscous]
+            out |= {coulomb: share * friction, viscous: (1.0 - share) * friction / speed}
+        yield out
 
 
 def leading(fits: Sequence[Fitted], count: int) -> list[Fitted]:
