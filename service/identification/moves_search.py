@@ -71,6 +71,7 @@ from service.identification.moves_starts import (
 )
 from service.identification.scene import Scene
 from service.identification.selection import (
+    EXPLAINED,
     LEFT,
     LEFT_BY_CLEAN,
     PART,
@@ -257,7 +258,8 @@ def proposed(
     trials = trials | beside_likeness(scene, present, base, tried, trials)
     best = min(tried, key=lambda c: distance(trials[c.name]))
     trials = trials | {best.name: in_other_shapes(scene, base, best, trials[best.name])}
-    return trials | by_other_laws(scene, present, tried, trials)
+    trials = trials | by_other_laws(scene, present, tried, trials)
+    return trials | as_near(scene, present, trials)
 
 
 def beside_likeness(
@@ -315,6 +317,27 @@ def by_other_laws(
                 (trials[candidate.name], ended_if_named(scene, present, trial)), key=distance
             )
     return out
+
+
+def as_near(
+    scene: Scene, present: Trial[Explained], trials: Mapping[str, Trial[Explained]]
+) -> dict[str, Trial[Explained]]:
+    """Where the nearest of all leaves more than the right one does, the next with their fits ended, by name, of those
+    that explain nearly all and are not far behind: on a chain that is not the machine's, and that a fit leaves over a
+    ridge only, the right one stands behind its likeness."""
+    best = min(trials.values(), key=distance)
+    if not (best.train_rms < SOUND and max(best.train_rms, best.validation_rms) > ENDED):
+        return {}
+    near = {
+        name: distance(trial)
+        for name, trial in trials.items()
+        if not trial.model.ended and gone_from_all(present, trial, EXPLAINED)
+    }
+    ahead = [name for name in leading(near, FINALISTS) if near[name] <= BEHIND * distance(best)]
+    return {
+        name: min((trials[name], ended_if_named(scene, present, trials[name])), key=distance)
+        for name in ahead
+    }
 
 
 def describes_all(present: Trial[Explained], trial: Trial[Explained]) -> bool:
