@@ -269,7 +269,9 @@ def ended(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
         gained, best = best.rms - further.rms, min(best, further, key=lambda f: f.rms)
         if gained < GAIN * best.rms:
             break
-    best = steady(best) if best.rms <= LEFT else best
+    if best.rms <= LEFT:
+        added = len(best.model.effects) > len(scene.declared.effects)
+        best = steady(fit(expecting_its_own(best), best.model, best.at, ROUNDS) if added else best)
     out = trial if best is trial.model.fitted else trial_of(scene, best)
     return replace(out, model=replace(out.model, ended=True))
 

@@ -39,7 +39,15 @@ from service.identification.moves_starts import (
     unanswering,
 )
 from service.identification.moves_starts import Candidate as DrivenCandidate
-from service.identification.moves_valleys import QUICK, SEED, asked, left_at_present, valleys, worth_following
+from service.identification.moves_valleys import (
+    QUICK,
+    SEED,
+    asked,
+    comes_nearer,
+    left_at_present,
+    valleys,
+    worth_following,
+)
 from service.identification.scene import Scene
 from service.identification.selection import (
     CHANGED,
@@ -200,6 +208,13 @@ def hidden(
     after = trial if said.accepted else before
     hinted = not names and gain.is_of(HINT) and heard.validation_rms > CONTRADICTED
     return Selection(before, after, names, (said,), (), witnessed=names, hinted=hinted)
+
+
+def leads(scene: Scene, before: Trial[Explained], kinds: Sequence[type[DrivenEffect]]) -> bool:
+    """Whether one of these `kinds`, begun near by, comes nearer to a few moves and their motors than the model before:
+    then it is likely there, and else another effect may well be that takes less time to find."""
+    base = before.model.fitted
+    return any(comes_nearer(scene, base, one) for one in candidates(base.model, kinds, ()))
 
 
 def promising(scene: Scene, base: Fitted, candidate: DrivenCandidate) -> list[Fitted]:

@@ -32,6 +32,7 @@ def heard(monkeypatch: pytest.MonkeyPatch, left: float = 5.0) -> None:
     monkeypatch.setattr(axis_explain, "swinging", lambda *_: {})
     monkeypatch.setattr(axis_explain, "as_heard_by_motors", lambda _before: trial(1.0, left))
     monkeypatch.setattr(axis_explain, "nothing_left", lambda _found: False)
+    monkeypatch.setattr(axis_explain, "leads", lambda *_: True)
     monkeypatch.setattr(axis_explain, "challenged", lambda _scene, present, _best: present)
 
 
@@ -88,6 +89,38 @@ def test_beyond_what_is_accepted_only_more_than_a_law_leaves_is_searched(
     found = missing_in(scene, trial(*errors), accepted, lambda _text: None)
     assert said == asked
     assert found.effects == ()
+
+
+def test_what_may_be_hidden_and_comes_no_nearer_to_a_few_moves_is_asked_for_last(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """However plainly the motors speak; and not at all where all is described with another effect."""
+    before, after = trial(1.0, 1.3), trial(1.0, 1.05)
+    said: list[str] = []
+    left = {id(before): 9.0, id(after): 1.2}
+    for one in (before, after):
+        one.model.fitted = one
+    heard(monkeypatch)
+    found = [Selection(before, after, ("sensor_gain",), (), ()), Selection(before, before, (), (), ())]
+
+    def hidden(*_: Any) -> Selection[Any]:
+        said.append("motors")
+        return Selection(before, before, (), (), ())
+
+    def searched(*_: Any, **__: Any) -> Selection[Any]:
+        said.append("all")
+        return found.pop(0)
+
+    monkeypatch.setattr(axis_explain, "leads", lambda *_: False)
+    monkeypatch.setattr(axis_explain, "hidden", hidden)
+    monkeypatch.setattr(axis_explain, "searched", searched)
+    monkeypatch.setattr(axis_explain, "finding_of", lambda _found: ("none", ()))
+    monkeypatch.setattr(axis_explain, "left_by_motors", lambda of: np.array([0.5, left[id(of)]]))
+    scene: Any = SimpleNamespace(zero_wanders=False)
+    assert missing_in(scene, before, (), lambda _text: None).effects == ("sensor_gain",)
+    assert said == ["all"]
+    assert missing_in(scene, before, (), lambda _text: None).effects == ()
+    assert said == ["all", "all", "motors"]
 
 
 def test_where_the_held_out_moves_have_no_torque_what_may_be_hidden_is_searched_with_all_else(
