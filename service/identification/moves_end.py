@@ -269,9 +269,7 @@ def ended(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
         gained, best = best.rms - further.rms, min(best, further, key=lambda f: f.rms)
         if gained < GAIN * best.rms:
             break
-    if best.rms <= LEFT:
-        added = len(best.model.effects) > len(scene.declared.effects)
-        best = steady(fit(expecting_its_own(best), best.model, best.at, ROUNDS) if added else best)
+    best = steady(with_errors_of_added(scene, best)) if best.rms <= LEFT else best
     out = trial if best is trial.model.fitted else trial_of(scene, best)
     return replace(out, model=replace(out.model, ended=True))
 
@@ -281,6 +279,15 @@ def with_own_errors(found: Fitted) -> Fitted:
     speeds' noise: else a filter that is undone, and sharpens it, is described by a delay and by masses that damp it."""
     known = all(part.judged is not None for part in found.moves)
     if known or not any(effect.own_errors for effect in found.model.effects):
+        return found
+    return fit(expecting_its_own(found), found.model, found.at, ROUNDS)
+
+
+def with_errors_of_added(scene: Scene, found: Fitted) -> Fitted:
+    """The fit of a model with an added effect, with the errors that are expected of it where it stands: those of the
+    declared model, which lacks the effect, were expected on a machine that is damped otherwise, and weigh the samples
+    for that one."""
+    if len(found.model.effects) <= len(scene.declared.effects):
         return found
     return fit(expecting_its_own(found), found.model, found.at, ROUNDS)
 

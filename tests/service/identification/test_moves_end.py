@@ -98,6 +98,7 @@ def test_only_what_may_be_the_whole_explanation_is_steadied(
     monkeypatch.setattr(moves_end, "with_own_errors", lambda one: one)
     monkeypatch.setattr(moves_end, "swings_at_all", lambda _model: False)
     monkeypatch.setattr(moves_end, "settled", lambda one, *_: one)
+    monkeypatch.setattr(moves_end, "with_errors_of_added", lambda _scene, one: one)
     monkeypatch.setattr(moves_end, "steady", lambda one: done.append(one.rms) or one)
     assert moves_end.ended(cast(Any, SimpleNamespace(declared=None)), trial).model.ended
     assert done == ([left] if steadied else [])

@@ -18,6 +18,7 @@ from service.identification import moves_ridges
 from service.identification.moves_ridges import (
     at_all_frequencies,
     on_typical_chain,
+    otherwise_rubbing,
     over_ridges,
     put_back,
     swinging_otherwise,
@@ -216,6 +217,46 @@ def with_contact_and_shaft(found: Fitted, contact: float, shaft: float) -> tuple
     for name, value in (("contact_stiffness", contact), ("pinion_stiffness", shaft)):
         shared[names.index(name)] = float(found.model.parameters[names.index(name)].internal(value))
     return names, Fitted(found.model, found.moves, Point(shared, found.at.local), found.r, found.free)
+
+
+def test_friction_is_otherwise_divided_and_as_much_at_the_mean_speed_of_the_moves(found: Fitted) -> None:
+    """From a dry guide to one in which half of it and more grows with the speed; nothing else is begun otherwise."""
+    values, made = values_at(found), found.moves[0].made
+    speed = np.mean([move.length for move in made]) / np.mean([move.duration for move in made])
+    friction = values["X1.coulomb"] + speed * values["X1.viscous"]
+    shares = []
+    for other in otherwise_rubbing(found):
+        assert other["X1.coulomb"] + speed * other["X1.viscous"] == pytest.approx(friction)
+        assert {k for k in values if other[k] != values[k]} == {"X1.coulomb", "X1.viscous"}
+        shares.append(other["X1.coulomb"] / friction)
+    assert min(shares) < 0.7 < 0.95 < max(shares)
+
+
+def test_a_guide_whose_friction_is_otherwise_divided_leads_over_a_ridge(
+    monkeypatch: Any, found: Fitted
+) -> None:
+    """Where no other beginning does: here none is nearer than where the fit stands, which leaves twice the noise."""
+    monkeypatch.setattr(moves_ridges, "other_chains", lambda _found: iter(()))
+    lost = SimpleNamespace(rms=9.0)
+    begun: list[float] = []
+
+    def fit_of(_few: Any, _model: Any, at: Any, _rounds: int) -> Any:
+        begun.append(at)
+        return SimpleNamespace(rms=1.0 if at == "dry" else 2.0, at=at, model=found.model)
+
+    monkeypatch.setattr(moves_ridges, "fit", fit_of)
+    monkeypatch.setattr(moves_ridges, "speeds_first", lambda *_: lost)
+    monkeypatch.setattr(moves_ridges, "otherwise_rubbing", lambda _found: iter(("dry", "oiled")))
+    monkeypatch.setattr(moves_ridges, "begun_at", lambda _few, _model, values, _own: values)
+    monkeypatch.setattr(moves_ridges, "values_at", lambda one: one.at)
+    nearer = replace(found, r=0.5 * found.r)
+    monkeypatch.setattr(moves_ridges, "put_back", lambda *_: "back")
+    monkeypatch.setattr(moves_ridges, "on_typical_chain", lambda _found: "typical")
+    monkeypatch.setattr(
+        moves_ridges, "fitted_from", lambda _found, values, _: nearer if values == "dry" else found
+    )
+    assert over_ridges(found) is nearer
+    assert {"dry", "oiled"} <= {at for at in begun if isinstance(at, str)}
 
 
 def test_what_a_wrong_model_drove_away_is_put_back_and_a_link_that_is_damped_as_none_is(

@@ -307,6 +307,41 @@ def test_what_leaves_more_than_the_right_law_is_begun_as_another_law(
 
 
 @pytest.mark.parametrize(
+    ("best", "gain", "done", "reached"),
+    [
+        ((1.09, 1.24), (1.17, 1.54), False, 0.98),
+        ((1.01, 1.04), (1.17, 1.54), False, None),
+        ((2.10, 2.30), (2.17, 2.54), False, None),
+        ((1.09, 1.24), (1.17, 1.54), True, None),
+        ((1.09, 1.24), (1.40, 2.54), False, None),
+        ((1.09, 1.24), (1.17, 3.90), False, None),
+    ],
+    ids=["ended", "all is described", "no likeness", "ended before", "far behind", "part of it only"],
+)
+def test_what_stands_close_behind_a_likeness_is_ended_too(
+    monkeypatch: Any,
+    best: tuple[float, float],
+    gain: tuple[float, float],
+    done: bool,
+    reached: float | None,
+) -> None:
+    """A gain stood there on a chain that was damped as none is, and was the one that had been planted."""
+
+    def trial(errors: tuple[float, float], is_ended: bool) -> Any:
+        train, held_out = errors
+        model = SimpleNamespace(ended=is_ended)
+        return SimpleNamespace(train_rms=train, validation_rms=held_out, held_rms=held_out, model=model)
+
+    right, asked = trial((0.98, 0.99), True), []
+    present = trial((2.75, 4.28), True)
+    trials = {"transmission_ripple": trial(best, True), "sensor_gain": trial(gain, done)}
+    monkeypatch.setattr(moves_search, "ended_if_named", lambda _scene, _now, one: asked.append(one) or right)
+    out = cast(Any, moves_search.as_near(SCENE, present, cast(Any, trials)))
+    assert {name: one.train_rms for name, one in out.items()} == ({"sensor_gain": reached} if reached else {})
+    assert bool(asked) == bool(reached)
+
+
+@pytest.mark.parametrize(
     ("present", "left", "against", "may"),
     [
         (9.0, 1.2, True, True),

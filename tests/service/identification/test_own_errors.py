@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -14,7 +17,7 @@ from service.captures import read_capture
 from service.dynamics.driven_model import DrivenEffect, Model
 from service.dynamics.effects.driven_sensors import DrivenLatency, DrivenSpeedFilter
 from service.identification.held_out import judged_rms
-from service.identification.moves_end import with_own_errors
+from service.identification.moves_end import with_errors_of_added, with_own_errors
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +56,21 @@ def test_a_filter_lags_by_its_time_and_beside_a_latency_by_none() -> None:
     assert Model(axes, 1, (of_filter,)).lags(values) == (1e-3, 2e-3)
     assert Model(axes, 1, (of_latency,)).lags(values) == (0.0, 0.0)
     assert Model(axes, 1, (of_latency, of_filter)).lags(values) == (0.0, 0.0)
+
+
+def test_a_model_with_an_added_effect_expects_what_its_own_machine_misses(moves: Moves) -> None:
+    """Once more wherever it stands; the declared one keeps what all are compared by."""
+    scene = cast(Any, SimpleNamespace(declared=fitted(moves, DrivenLatency(("X1",))).model))
+    declared = fitted(moves, DrivenLatency(("X1",)))
+    assert with_errors_of_added(scene, declared) is declared
+    both = replace(scene.declared, effects=(*scene.declared.effects, DrivenSpeedFilter(("X1",))))
+    at = point_at(both, {"X1.filter_time": 2e-3}, [moves])
+    ended = with_errors_of_added(scene, fit([moves], both, at, 0))
+    (part,) = ended.moves
+    assert part.judged is moves.expected
+    assert np.mean(part.expected[part.used] ** 2) > 1.0
+    (again,) = with_errors_of_added(scene, ended).moves
+    assert again.judged is moves.expected
 
 
 def test_models_are_compared_by_what_was_expected_before(moves: Moves) -> None:
