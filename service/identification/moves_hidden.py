@@ -314,7 +314,7 @@ def judged_by_motors(
         why = "takes from the motors' equations of motion in the moves that were fitted only"
     elif after.train_rms > LEFT:
         why = "what the motors speak of, but it leaves too much of the moves that were fitted"
-    elif after.validation_rms > UNKNOWN_NUMBERS * max(1.0, before.validation_rms):
+    elif after.validation_rms > max(UNKNOWN_NUMBERS, before.validation_rms):
         why = "what the motors speak of, but it raises the held-out error"
     elif after.validation_rms > CHANGED and not explained(before, after, PART):
         why = "what the motors speak of, but it leaves the other moves as they are"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 
@@ -245,10 +244,3 @@ def test_a_worn_guide_makes_the_flanks_part_later() -> None:
         assert crossing is not None
         delays.append(crossing.t1 - run.moves[0].start)
     assert delays[0] < delays[1] < delays[2]
-
-
-def test_ten_steps_of_one_axis_simulate_in_about_a_second() -> None:
-    """Processor time, so that a busy machine does not fail it; about 0.25 s for 4.7 s of machine time."""
-    start = time.process_time()
-    simulate(AxisParameters(), ten_steps())
-    assert time.process_time() - start < 1.5
