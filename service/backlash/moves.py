@@ -161,7 +161,7 @@ class Moves:
     def start(self) -> FloatArray:
         return np.array([grid.start for grid in self.grids])
 
-    @property
+    @cached_property
     def made(self) -> list[Move]:
         """The moves (T,) as they were commanded."""
         return [self.recording.moves[grid.index] for grid in self.grids]

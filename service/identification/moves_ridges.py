@@ -73,9 +73,9 @@ NEARER = 0.99
 
 def over_ridges(found: Fitted, others: Callable[[Fitted], Iterator[FloatArray]] | None = None) -> Fitted:
     """The fit begun once more in the valley that a few moves say is nearer, or itself where they say none is, or all
-    moves do not; from ``other_chains`` unless other beginnings are given. What begins on another machine is followed
-    however far it is after a few rounds: it comes from farther than what begins near by, and may lead on. What was done
-    in vain is not done again from the same place."""
+    moves do not; from ``other_chains`` unless other beginnings are given, and with friction otherwise divided. What
+    begins on another machine is followed however far it is after a few rounds: it comes from farther than what begins
+    near by, and may lead on. What was done in vain is not done again from the same place."""
     if not others and looked_about(found):
         return found
     few, own = fewer(found), (own_of_few(found),)

@@ -301,7 +301,7 @@ def by_other_laws(
     """Where the nearest of all leaves more than the right one does, what does nearly the same by another law, begun in
     each of its shapes where that one ended, by name: a likeness has found the machine, and hardly differs there."""
     best = min(trials.values(), key=distance)
-    if not (best.train_rms < SOUND and max(best.train_rms, best.validation_rms) > ENDED):
+    if not may_be_likeness(best):
         return {}
     found, out = best.model.fitted, dict[str, Trial[Explained]]()
     values = values_at(found)
@@ -326,18 +326,24 @@ def as_near(
     that explain nearly all and are not far behind: on a chain that is not the machine's, and that a fit leaves over a
     ridge only, the right one stands behind its likeness."""
     best = min(trials.values(), key=distance)
-    if not (best.train_rms < SOUND and max(best.train_rms, best.validation_rms) > ENDED):
+    if not may_be_likeness(best):
         return {}
     near = {
         name: distance(trial)
         for name, trial in trials.items()
-        if not trial.model.ended and gone_from_all(present, trial, EXPLAINED)
+        if not trial.model.ended
+        and gone_from_all(present, trial, EXPLAINED)
+        and distance(trial) <= BEHIND * distance(best)
     }
-    ahead = [name for name in leading(near, FINALISTS) if near[name] <= BEHIND * distance(best)]
     return {
         name: min((trials[name], ended_if_named(scene, present, trials[name])), key=distance)
-        for name in ahead
+        for name in leading(near, FINALISTS)
     }
+
+
+def may_be_likeness(best: Trial[Explained]) -> bool:
+    """Whether the nearest of all is near and yet leaves more than the right one does."""
+    return best.train_rms < SOUND and max(best.train_rms, best.validation_rms) > ENDED
 
 
 def describes_all(present: Trial[Explained], trial: Trial[Explained]) -> bool:

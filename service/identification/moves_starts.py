@@ -139,10 +139,9 @@ def how_few(found: Fitted) -> int:
     """How many moves starts are compared with: of those that are made alike, several tell more only where as little is
     missing as noise may hide, or where it is heard that each begins with another swing."""
     moves = found.moves[0]
-    kept = moves.grids[few_of(moves, FEW)]
-    if found.rms < NEAR or moves.heard or len(kept) == len(moves.grids):
-        return len(kept)
-    made = [moves.recording.moves[grid.index] for grid in kept]
+    made = moves.made[few_of(moves, FEW)]
+    if found.rms < NEAR or moves.heard or len(made) == len(moves.made):
+        return len(made)
     places = np.stack([[float(motor(move.start)) for motor in moves.plain] for move in made])
     last = 0
     for k in range(1, len(made)):

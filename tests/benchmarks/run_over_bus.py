@@ -1,4 +1,4 @@
-"""How fast the ten-step run goes over the virtual bus, and how much memory the service takes.
+"""How fast the ten-step run goes over the virtual bus and without one, and how much memory the service takes.
 
     python tests/benchmarks/run_over_bus.py [--repeat N]
 
@@ -21,6 +21,8 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from service.app import house
 from service.demo import demo_settings, open_demo
+from service.dynamics.parameters import AxisParameters
+from service.dynamics.simulation import simulate, ten_steps
 from service.motion.messages import Progress
 from service.store.records import Queued
 
@@ -51,6 +53,20 @@ def note_time(times: list[float], _: Progress) -> None:
     times.append(time.perf_counter())
 
 
+def measure_physics(repeat: int) -> None:
+    """Print the processor time in which the declared model simulates ten steps of one axis, and their machine time."""
+    spent = []
+    for _ in range(repeat):
+        start = time.process_time()
+        run = simulate(AxisParameters(), ten_steps())
+        spent.append(time.process_time() - start)
+    last = run.moves[-1]
+    print(
+        f"\nten steps of one axis, without a bus: {statistics.median(spent):.2f} s of processor time for "
+        f"{last.start + last.duration:.1f} s of machine time"
+    )
+
+
 def measure_memory() -> None:
     """Print the peak resident memory of the service's processes over one run of each group."""
     settings = demo_settings(Path(tempfile.mkdtemp()))
@@ -75,6 +91,7 @@ def main() -> None:
     print(f"{'group':>5} {'machine s':>10} {'steps wall s':>12} {'ratio':>8} {'all wall s':>14} {'ratio':>8}")
     for group in ("Y", "X"):
         measure_runs(group, repeat)
+    measure_physics(repeat)
     measure_memory()
 
 

@@ -466,6 +466,25 @@ def test_a_hose_that_swings_on_the_carriage_is_a_finding_only_where_it_is_everyt
 
 
 @pytest.mark.parametrize(
+    ("pull", "change", "found"),
+    [(0.014, 0.1e-6, "none"), (-0.014, 0.1e-6, "none"), (0.05, 0.1e-6, "effect"), (0.014, 3.5e-6, "effect")],
+)
+def test_the_slope_of_a_level_bed_is_a_finding_only_where_the_backlash_changes(
+    monkeypatch: pytest.MonkeyPatch, pull: float, change: float, found: str
+) -> None:
+    """By twice what matters, 2 %: impurities of a sound machine looked like a bed that falls by 1.4 mm in a metre."""
+    values = {"before": (75e-6, 1e-7), "after": (75e-6 - change, 1e-7)}
+    monkeypatch.setattr(axis_verdict, "backlash_of", lambda fitted, _axis: values[fitted.when])
+    monkeypatch.setattr(axis_verdict, "deviations", lambda _f: {"X1.constant_force": (pull, 0.001)})
+    before, after = trial(1.49, 1.83), trial(1.1, 1.2)
+    for when, one in (("before", before), ("after", after)):
+        one.model.fitted.when = when
+    selection = Selection(before, after, ("constant_force",), (), (), tried=(after,))
+    after.model.fitted.model.effects = (SimpleNamespace(name="constant_force"),)
+    assert axis_verdict.finding_of(selection)[0] == found
+
+
+@pytest.mark.parametrize(
     ("name", "bend", "change", "found"),
     [
         ("contact_nonlinearity", 0.04, 1.5e-6, "none"),

@@ -238,7 +238,7 @@ def test_a_guide_whose_friction_is_otherwise_divided_leads_over_a_ridge(
     """Where no other beginning does: here none is nearer than where the fit stands, which leaves twice the noise."""
     monkeypatch.setattr(moves_ridges, "other_chains", lambda _found: iter(()))
     lost = SimpleNamespace(rms=9.0)
-    begun: list[float] = []
+    begun: list[Any] = []
 
     def fit_of(_few: Any, _model: Any, at: Any, _rounds: int) -> Any:
         begun.append(at)

@@ -26,7 +26,7 @@ def fitted(made: list[tuple[int, float]], rms: float, lengths: tuple[float, ...]
         for k, (direction, _) in enumerate(made)
     ]
     parts = SimpleNamespace(
-        recording=SimpleNamespace(moves=moves),
+        made=moves,
         grids=tuple(SimpleNamespace(index=k) for k in range(len(made))),
         plain=(lambda time: made[int(time)][1],),
         heard={},
