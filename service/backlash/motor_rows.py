@@ -14,7 +14,7 @@ move.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,6 +93,10 @@ class MotorRows:
     def without_own(self, rows: FloatArray) -> FloatArray:
         """Rows (S, n) without what `own` explains."""
         return np.asarray(rows - (rows @ self.own) @ self.own.T)
+
+    def over(self, spread: float) -> MotorRows:
+        """The same rows over a standard deviation that is so many times as large."""
+        return replace(self, weight=self.weight / spread, acceleration=self.acceleration / spread)
 
 
 def motor_rows(

@@ -141,6 +141,13 @@ class Fitted:
         """RMS of all that was compared."""
         return float(np.sqrt(np.mean(np.concatenate((self.r, self.motors)) ** 2)))
 
+    @property
+    def squares(self) -> float:
+        """Sum of squares of all that was compared, and of the priors: the lower the likelier, of fits of the same
+        moves."""
+        own = priors(self.at, every(self.model))
+        return float(self.r @ self.r + self.motors @ self.motors + own @ own)
+
     def value(self, name: str) -> float:
         """One parameter in its own unit."""
         k = [p.name for p in self.model.parameters].index(name)
@@ -501,3 +508,15 @@ def reconstructed(
         now = with_reconstructed_motion(part, found.model, at, force, follow) if sound else part
         out.append(with_motors_asked(now, found.model, at, force, by_noise) if sound and asked else now)
     return tuple(out)
+
+
+def hearing_motors(found: Fitted) -> tuple[Moves, ...]:
+    """The moves with the motors' motion reconstructed from the fit, their equations of motion as residuals over the
+    noise, or over what the fit leaves of them where that is more: a motor that cogs says less."""
+    moves = reconstructed(found, asked=True, by_noise=True)
+    motors = fit(moves, found.model, found.at, 0).motors
+    left = max(1.0, float(np.sqrt(np.mean(motors**2)))) if len(motors) else 1.0
+    return tuple(
+        replace(part, motors=tuple(tuple(rows.over(left) for rows in move) for move in part.motors))
+        for part in moves
+    )

@@ -20,7 +20,7 @@ from service.identification.explanation import (
     Prediction,
 )
 from service.identification.held_out import SEARCHED, SEEN_AT_REST, Explained, Held, overdamped, rms
-from service.identification.moves_motors import CONTRADICTED, left_by_motors, plainly_against
+from service.identification.moves_motors import CONTRADICTED, PLAINLY, left_by_motors, plainly_against
 from service.identification.scene import Scene
 from service.identification.selection import (
     CHANGED,
@@ -139,14 +139,15 @@ def finding_of(
     that were fitted are described with it, however far from the others a chain is that is not known well. A model that
     leaves no more than `sound` may lack nothing, and one that leaves a little more only impurities, if nothing that is
     tried in their place changes the backlash, and if its channels need not be apart in time nor its chain be damped as
-    none is, and no law that no such effect has explains what is missing, and no other channel hints at it. What another
-    channel is the witness of has been judged by that.
+    none is, and neither the motors contradict it nor another channel hints at it, and no law that no such effect has
+    explains what is missing. What another channel is the witness of has been judged by that.
     """
     before, after, effects = selection.before, selection.after, selection.effects
     if effects and effects == selection.witnessed:
         return "effect", effects
     sound = max(sound, SMALL) if _undisputed(selection) else sound
     sound_enough = _little(before) and left(after) <= sound and _in_time(before) and _usual(before)
+    sound_enough = sound_enough and not _contradicted(before)
     of_library = not (selection.hinted or _of_no_library(selection))
     nothing: Finding = "none" if sound_enough and of_library else "unknown"
     if not effects or (_little(before) and _common_suffices(selection)):
@@ -351,6 +352,13 @@ def _in_time(trial: Trial[Explained]) -> bool:
     """Whether no channels need be apart in time for it, more than those of a measurement are."""
     found = trial.model.fitted
     return not any(apart_in_time(found, axis) for axis in range(len(found.model.axes)))
+
+
+def _contradicted(trial: Trial[Explained]) -> bool:
+    """Whether a model leaves more of other moves than numbers do that are not known well, and the motors contradict it
+    plainly: one that is wrong may describe the moves that it was fitted to."""
+    by_motors = float(np.max(left_by_motors(trial.model.fitted)))
+    return shown(trial) > LEFT and by_motors > PLAINLY * max(1.0, trial.train_rms)
 
 
 def _usual(trial: Trial[Explained]) -> bool:

@@ -9,8 +9,17 @@ from dataclasses import replace
 
 import numpy as np
 
+from service.backlash.moves import some_of
 from service.backlash.moves_begun import Values, begun_anew, expecting_its_own, point_at, shared_at
-from service.backlash.moves_fit import Fitted, Point, fit, reconstructed, values_at, zeros_alike
+from service.backlash.moves_fit import (
+    Fitted,
+    Point,
+    fit,
+    hearing_motors,
+    reconstructed,
+    values_at,
+    zeros_alike,
+)
 from service.dynamics.driven_model import LINKS
 from service.identification.axis_numbers import covariance
 from service.identification.held_out import DESCRIBED, NEAR, TOLD, Explained, overdamped, trial_of
@@ -34,14 +43,21 @@ from service.identification.moves_ridges import (
     swinging_otherwise,
 )
 from service.identification.moves_starts import (
+    BRIEF,
+    FINE,
+    GAINED,
     ROUNDS,
     SUMMED,
     TOLERANCES,
+    across_samples,
     begun_at,
     chain,
     fewer,
     fitted_from,
+    how_few,
+    own_of_few,
     speeds_first,
+    unanswering,
 )
 from service.identification.scene import Scene
 from service.identification.selection import LEFT, UNKNOWN_NUMBERS, Trial
@@ -57,6 +73,8 @@ noise, from which on they agree (chosen: a standard deviation of one number chan
 STILL = 1e-4
 """Share of its RMS by which a fit changes between two turns that goes nowhere any more (chosen: ended at five times
 as much, the fit of the shared Stribeck pair was still on its way)."""
+LED = 8
+"""How often at most a fit is led across samples (chosen)."""
 FEW_ROUNDS = 4
 """Rounds of a fit between two turns of a motion that a wrong chain may have made."""
 CORNER = ("turnover_speed", "turnover_spread", "damping_ratio", *TOLERANCES)
@@ -271,6 +289,9 @@ def ended(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
             break
     best = steady(with_errors_of_added(scene, best)) if best.rms <= LEFT else best
     out = trial if best is trial.model.fitted else trial_of(scene, best)
+    if best.rms <= LEFT and out.validation_rms > ENDED:
+        further = led_across(best)
+        out = out if further is best else trial_of(scene, further)
     return replace(out, model=replace(out.model, ended=True))
 
 
@@ -322,11 +343,28 @@ def whitened(found: Fitted, white: bool) -> Fitted:
 def agreed(found: Fitted) -> Fitted:
     """The fit and the motion of the motors that is reconstructed from it, in turns until they agree."""
     for turn in range(TURNS):
-        on = fit(reconstructed(found, asked=True), found.model, found.at, ROUNDS, tolerance=0.05)
+        on = fit(hearing_motors(found), found.model, found.at, ROUNDS, tolerance=FINE)
         change, found = abs(float(on.r @ on.r - found.r @ found.r)), on
         if turn and change < STEADY:
             break
     return found
+
+
+def led_across(found: Fitted) -> Fitted:
+    """The fit led on across samples by all that its moves and their motors say, on a few moves first, and agreed from
+    there; itself where it comes no nearer. The samples alone may be described a little better by a chain that the
+    motors speak against."""
+    moves, own = hearing_motors(found), (own_of_few(found),)
+    few = tuple(some_of(part, how_few(found)) for part in unanswering(moves)[:1])
+    here = fit(few, found.model, Point(found.at.shared, own), BRIEF, tolerance=FINE)
+    on = across_samples(few, here, LED)
+    if on.squares > here.squares - GAINED:
+        return found
+    begun = begun_at(moves, found.model, values_at(on), found.at.local)
+    present, there = (fit(moves, found.model, at, ROUNDS, tolerance=FINE) for at in (found.at, begun))
+    if there.squares > present.squares - GAINED:
+        return found
+    return wider_where_unreached(whitened(agreed(whitened(there, True)), False))
 
 
 def in_full(found: Fitted) -> Fitted:

@@ -20,6 +20,7 @@ from service.identification.moves_starts import (
     BRIEF,
     SUMMED,
     Candidate,
+    across_samples,
     added,
     begun_at,
     fewer,
@@ -51,6 +52,8 @@ STRONG = 3
 PLACED = 3
 """Shapes with which the numbers of an effect that swings are fitted alone, or that are followed from afar: a spectrum
 of few periods has several maxima."""
+LED = 4
+"""How often at most the best of them is led across samples (chosen)."""
 HALVED = 3
 """How often the better half of the fits of what swings is continued."""
 APART = 0.5
@@ -58,6 +61,9 @@ APART = 0.5
 FAR_OFF = 2.0
 """How much farther from a few moves than the best of all candidates one may be and still be looked at again, and be
 fitted to all moves."""
+A_PART = 0.8
+"""RMS on a few moves, over that of the present fit, up to which an effect is looked at however near another is
+(chosen): after a glimpse, a right one may have gone but a part of its way."""
 AS_NEAR = 4.0 / 3.0
 """How much farther from a few moves one may be and still be looked at again where the best explains nearly all
 (chosen)."""
@@ -109,15 +115,18 @@ def compared(
 ) -> tuple[dict[str, list[Brief]], list[Candidate]]:
     """The best fits of a few moves of every candidate, by name, and where it is `sparing` the candidates that were
     spared their strong starts, for another describes these moves. All are begun; those that are not far off what is
-    nearest, also of what is `known` by its RMS, or that may be the right ones, are looked at, and the nearest first, if
-    they are not as near as a right one comes, a second time from more starts; once one explains nearly all, or what is
-    known does, only those that are about as near; of all the nearest few. Where none is near, all are begun from afar,
-    too. Where the present fit describes the moves, it is no bad start, and no other is tried; of many valleys the first
-    look tells little even there. Where they are out of reach, the first look is all; of further effects, which have no
-    strong starts, it is all of each that is hardly nearer than the present fit."""
+    nearest, also of what is `known` by its RMS, or that may be the right ones, or have gone a part of their way, are
+    looked at, and the nearest first, if they are not as near as a right one comes, a second time from more starts; once
+    one explains nearly all, or what is known does, only those that are about as near; of all the nearest few. Where
+    none is near, all are begun from afar, too. Where the present fit describes the moves, it is no bad start, and no
+    other is tried; of many valleys the first look tells little even there. Where they are out of reach, the first look
+    is all; of further effects, which have no strong starts, it is all of each that is hardly nearer than the present
+    fit."""
+    present = on_a_few_moves(found).rms
     looks, seen, spared = all_glimpsed(scene, found, library, known, sparing, strong=not taken)
     least = min([known, *map(nearest, looks.values())])
-    far = AS_NEAR * known if gone(found.rms, known, EXPLAINED) else max(FAR_OFF * least, NEAR)
+    anywhere = max(FAR_OFF * least, NEAR, A_PART * present)
+    far = AS_NEAR * known if gone(found.rms, known, EXPLAINED) else anywhere
     hopeful = [one for one in library if nearest(looks[one.name]) < far]
     looks |= {one.name: looked_at(looks[one.name]) for one in hopeful if one.name not in seen}
     least = min([known, *map(nearest, looks.values())])
@@ -133,7 +142,7 @@ def compared(
     if found.rms > DESCRIBED:
         hopeful = sorted(hopeful, key=lambda one: nearest(looks[one.name]))[:HOPES]
     split = [one for one in library if one.effect.many_valleys and one not in hopeful]
-    places, present = grounds(scene, found), on_a_few_moves(found).rms
+    places = grounds(scene, found)
     for one in sorted([*hopeful, *split], key=lambda one: nearest(looks[one.name])):
         now = nearest(looks[one.name])
         all_but_gone = gone(found.rms, least, EXPLAINED)
@@ -247,7 +256,8 @@ def best_looks(looks: Sequence[Fitted], found: Fitted, candidate: Candidate) -> 
     """The candidate's best fit of a few moves, and the best of those that ended with another shape of the effect."""
     brief = list(looks)
     latest = min(brief, key=standing)
-    brief.append(fit(latest.moves, latest.model, latest.at, BRIEF))
+    latest = fit(latest.moves, latest.model, latest.at, BRIEF)
+    brief.append(across_samples(latest.moves, latest, LED) if latest.rms > ENDED else latest)
     for _ in range(HALVED if candidate.effect.states else 0):
         brief = better_half_on(brief, BRIEF)
     best = min(brief, key=standing)

@@ -28,6 +28,7 @@ from service.identification.moves_starts import (
     SUMMED,
     TOLERANCES,
     Candidate,
+    across_samples,
     begun_at,
     chain,
     fewer,
@@ -67,17 +68,25 @@ lubricated)."""
 SAME, NO_NEARER = 1.0, 0.98
 """Difference of every number, in standard deviations of its prior, within which a fit is in the same place, and the RMS
 over that of before down to which it is (chosen: what is expected of the noise moves it by two parts in a hundred)."""
+LED, FAR_NEARER = 4, 0.9
+"""How often at most a few moves are led across samples, and how much nearer to all moves this must lead for nothing
+else to be tried (chosen)."""
 NEARER = 0.99
 """How much nearer to a few moves another valley must be (chosen; all moves decide)."""
 
 
 def over_ridges(found: Fitted, others: Callable[[Fitted], Iterator[FloatArray]] | None = None) -> Fitted:
     """The fit begun once more in the valley that a few moves say is nearer, or itself where they say none is, or all
-    moves do not; from ``other_chains`` unless other beginnings are given, and with friction otherwise divided. What
-    begins on another machine is followed however far it is after a few rounds: it comes from farther than what begins
-    near by, and may lead on. What was done in vain is not done again from the same place."""
+    moves do not; from ``other_chains`` unless other beginnings are given, and with friction otherwise divided. Before
+    that it is led across samples, and nothing else is tried where this leads far nearer. What begins on another machine
+    is followed however far it is after a few rounds: it comes from farther than what begins near by, and may lead on.
+    What was done in vain is not done again from the same place."""
     if not others and looked_about(found):
         return found
+    on = found if others else across(found)
+    if on.rms < FAR_NEARER * found.rms:
+        return on
+    found = on
     few, own = fewer(found), (own_of_few(found),)
     here = fit(few, found.model, Point(found.at.shared, own), BRIEF)
     starts = (others or other_chains)(found)
@@ -97,6 +106,13 @@ def over_ridges(found: Fitted, others: Callable[[Fitted], Iterator[FloatArray]] 
     if on is not found or others:
         return on
     return replace(found, at=replace(found.at, in_vain=(found.rms, found.at.shared)))
+
+
+def across(found: Fitted) -> Fitted:
+    """The fit led on across samples on a few moves; itself where these or all moves say that it comes no nearer."""
+    few = fewer(found)
+    here = fit(few, found.model, Point(found.at.shared, (own_of_few(found),)), BRIEF)
+    return if_nearer(found, here, [across_samples(few, here, LED)])
 
 
 def looked_about(found: Fitted) -> bool:

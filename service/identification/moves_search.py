@@ -52,6 +52,7 @@ from service.identification.moves_looks import (
 )
 from service.identification.moves_motors import plainly_against
 from service.identification.moves_rests import swings_at_all
+from service.identification.moves_ridges import across
 from service.identification.moves_starts import (
     BRIEF,
     GUIDE,
@@ -576,6 +577,8 @@ def fitted_on(base: Fitted, found: dict[str, Fitted], tried: Sequence[Candidate]
     nearest = leading({name: one.rms for name, one in found.items()}, PROMISING)
     for name in nearest if base.rms > ENDED else list(found):
         found[name] = fit(found[name].moves, found[name].model, found[name].at, ROUNDS)
+    for name in leading({name: one.rms for name, one in found.items()}, PROMISING, FAR_OFF):
+        found[name] = across(found[name]) if found[name].rms > ENDED else found[name]
     for candidate in tried:
         for inner in set(candidate.effect.contains) & set(found):
             found[inner] = as_other(found[inner], found[candidate.name])
@@ -598,11 +601,11 @@ def describes_its_own_only(trial: Trial[Explained], as_well: float = UNKNOWN_NUM
     return trial.validation_rms > as_well * max(1.0, trial.train_rms)
 
 
-def leading(found: Mapping[str, float], count: int) -> list[str]:
-    """The names of the nearest, none that is far behind the nearest."""
+def leading(found: Mapping[str, float], count: int, behind: float = BEHIND) -> list[str]:
+    """The names of the nearest, none that is so far `behind` the nearest."""
     least = min(found.values(), default=np.inf)
     return [
-        name for name in sorted(found, key=lambda name: found[name])[:count] if found[name] <= BEHIND * least
+        name for name in sorted(found, key=lambda name: found[name])[:count] if found[name] <= behind * least
     ]
 
 

@@ -50,6 +50,11 @@ GUIDE = ("coulomb", "viscous")
 RUBBED = (-1.0, 0.0, 1.0, 2.0)
 """A typical machine's dry friction with which what swings is begun, in standard deviations of its prior (chosen: hardly
 any to a seal's). Where the load comes to a stand decides how it swings, so each leads to another end."""
+ACROSS, ROUNDS_ACROSS, GAINED = (8.0, 16.0), (4, 6), 1.0
+"""Samples over which residuals are summed up to lead a fit across one (chosen: of one to twenty most do), rounds by
+these speeds and by acceleration, and by what the sum of squares must fall where that leads on."""
+FINE = 0.05
+"""What a round of a fit must gain of cost where it goes on along a valley."""
 SUMMED = (0.05, 0.01)
 """How long residuals are summed up to those of speed, the longest first [s] (chosen: periods of a contact, and one)."""
 
@@ -317,6 +322,23 @@ def speeds_first(moves: Sequence[Moves], model: Model, at: Point, lasting: float
     """A fit begun where the loads' *speeds* are described best. A contact that the model meets half a period late lies
     in another valley of the acceleration; of the speed it is a step, and has a slope from wherever it is met."""
     return fit(moves, model, fit(of_speed(moves, lasting), model, at, rounds).at, rounds)
+
+
+def across_samples(moves: Sequence[Moves], found: Fitted, turns: int) -> Fitted:
+    """The fit of these moves led on by speed and acceleration in turns, until it comes no nearer by any of the speeds.
+    A flank that is met as one sample is taken puts a step into the sum of squares, on whose edge a fit stops that would
+    have to meet it after the sample, or before it; of the speed it is a slope."""
+    h, in_vain = max(part.h for part in moves), 0
+    by_speed, by_acceleration = ROUNDS_ACROSS
+    for turn in range(turns):
+        lasting = ACROSS[turn % len(ACROSS)] * h
+        begun = fit(of_speed(moves, lasting), found.model, found.at, by_speed, tolerance=FINE)
+        on = fit(moves, found.model, begun.at, by_acceleration, tolerance=FINE)
+        in_vain = 0 if on.squares < found.squares - GAINED else in_vain + 1
+        found = min(found, on, key=lambda f: f.squares)
+        if in_vain == len(ACROSS):
+            break
+    return found
 
 
 def of_speed(moves: Sequence[Moves], lasting: float) -> tuple[Moves, ...]:

@@ -100,8 +100,36 @@ def test_only_what_may_be_the_whole_explanation_is_steadied(
     monkeypatch.setattr(moves_end, "settled", lambda one, *_: one)
     monkeypatch.setattr(moves_end, "with_errors_of_added", lambda _scene, one: one)
     monkeypatch.setattr(moves_end, "steady", lambda one: done.append(one.rms) or one)
+    monkeypatch.setattr(moves_end, "led_across", lambda one: one)
     assert moves_end.ended(cast(Any, SimpleNamespace(declared=None)), trial).model.ended
     assert done == ([left] if steadied else [])
+
+
+@pytest.mark.parametrize(("foretold", "led"), [(1.0, False), (1.4, True)])
+def test_what_foretells_other_moves_badly_is_led_across_samples_at_the_end(
+    monkeypatch: Any, foretold: float, led: bool
+) -> None:
+    fits = {
+        name: cast(Any, SimpleNamespace(model=SimpleNamespace(name=name), rms=1.0))
+        for name in ("begun", "steady", "led")
+    }
+    errors = {"begun": 2.0, "steady": foretold, "led": 1.05}
+
+    def trial_of(_scene: Any, found: Any) -> Any:
+        explained = Explained(found, cast(Any, None))
+        return Trial(explained, 1.0, errors[found.model.name], np.zeros(1), np.zeros(0), 1.0)
+
+    for name in ("in_full", "with_own_errors"):
+        monkeypatch.setattr(moves_end, name, lambda one: one)
+    monkeypatch.setattr(moves_end, "swings_at_all", lambda _model: False)
+    monkeypatch.setattr(moves_end, "settled", lambda one, *_: one)
+    monkeypatch.setattr(moves_end, "with_errors_of_added", lambda _scene, one: one)
+    monkeypatch.setattr(moves_end, "steady", lambda _one: fits["steady"])
+    monkeypatch.setattr(moves_end, "led_across", lambda _one: fits["led"])
+    monkeypatch.setattr(moves_end, "trial_of", trial_of)
+    scene = cast(Any, SimpleNamespace(declared=None))
+    after = moves_end.ended(scene, trial_of(scene, fits["begun"]))
+    assert after.model.fitted is fits["led" if led else "steady"]
 
 
 @pytest.mark.parametrize(

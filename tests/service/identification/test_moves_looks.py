@@ -120,6 +120,8 @@ def test_a_second_look_is_for_what_may_still_be_the_best(monkeypatch: Any) -> No
     near = {"right": [1.0], "rival": [1.2, 1.2], "hopeful": [1.8]}
     assert compared(3.0) == near | {"slow": [3.1], "behind": [4.5]}
     assert (looked, again) == (["right", "rival", "hopeful", "slow"], ["rival"])
+    compared(6.0, ("right", "behind", "far"))
+    assert looked == ["right", "behind"], "what has gone a part of its way is, however near another is"
     compared(3.0, ("rival", "hopeful"), known=1.02)
     assert (looked, again) == (["rival"], ["rival"]), "what is known explains nearly all"
     compared(3.0, ("slow", "hopeful"))

@@ -14,7 +14,7 @@ from service.backlash.moves_begun import shared_at
 from service.backlash.moves_fit import FAR, Fitted, Point, fit, values_at
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_bodies import DrivenHungMass
-from service.identification import moves_ridges
+from service.identification import moves_ridges, moves_starts
 from service.identification.moves_ridges import (
     at_all_frequencies,
     on_typical_chain,
@@ -23,7 +23,7 @@ from service.identification.moves_ridges import (
     put_back,
     swinging_otherwise,
 )
-from service.identification.moves_starts import ROUNDS, widened
+from service.identification.moves_starts import ROUNDS, across_samples, widened
 
 
 def begun_with(found: Fitted, **factors: float) -> Fitted:
@@ -63,6 +63,34 @@ def test_a_fit_that_ended_in_another_valley_is_carried_to_the_right_one(
     other = begun_with(found, **wrong)
     assert ended(other).rms > 1.015 * right.rms
     assert ended(over_ridges(other)).rms < 1.005 * right.rms
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"contact_stiffness": 0.4}, {"gear_stiffness": 0.3, "pinion_stiffness": 3.0}],
+    ids=["every impact comes late", "springs otherwise divided"],
+)
+def test_a_fit_that_stopped_where_a_flank_is_met_at_a_sample_is_led_across_it(
+    found: Fitted, wrong: dict[str, float]
+) -> None:
+    right, stopped = ended(found), ended(begun_with(found, **wrong))
+    assert stopped.rms > 1.03 * right.rms
+    on = across_samples(stopped.moves, stopped, 8)
+    assert on.rms - right.rms < 0.7 * (stopped.rms - right.rms)
+    assert on.squares < stopped.squares
+
+
+def test_a_fit_that_comes_no_nearer_by_speed_stays_where_it_is(monkeypatch: Any, found: Fitted) -> None:
+    asked: list[float] = []
+
+    def farther(moves: Any, _model: Any, _at: Any, _rounds: int, **_: Any) -> Fitted:
+        asked.append(moves[0].lasting)
+        return replace(found, r=1.01 * found.r)
+
+    monkeypatch.setattr(moves_starts, "fit", farther)
+    assert across_samples(found.moves, found, 9) is found
+    h = found.moves[0].h
+    assert asked == [pytest.approx(8.0 * h), 0.0, pytest.approx(16.0 * h), 0.0]
 
 
 def test_a_fit_stays_where_no_other_valley_is_nearer_and_none_is_looked_for_there_again(
@@ -236,6 +264,7 @@ def test_a_guide_whose_friction_is_otherwise_divided_leads_over_a_ridge(
     monkeypatch: Any, found: Fitted
 ) -> None:
     """Where no other beginning does: here none is nearer than where the fit stands, which leaves twice the noise."""
+    monkeypatch.setattr(moves_ridges, "across", lambda one: one)
     monkeypatch.setattr(moves_ridges, "other_chains", lambda _found: iter(()))
     lost = SimpleNamespace(rms=9.0)
     begun: list[Any] = []
