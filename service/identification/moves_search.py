@@ -101,7 +101,8 @@ HARDLY_NEARER = 0.99
 """RMS on a few moves, over that of the present fit, from which on an effect explains nothing of what is missing
 (chosen: a parameter more gains a few parts in ten thousand)."""
 AGAINST = 1.1
-"""How much farther than the best from the moves and the motors' equations of motion a fit may be (chosen)."""
+"""How much farther than the best from the moves and the motors' equations of motion a fit may be, and from all moves
+what does much the same by another law (chosen)."""
 SECOND = 0.9
 """How much nearer to the moves a place must be for a fit to begin there once more."""
 
@@ -300,7 +301,8 @@ def by_other_laws(
     trials: Mapping[str, Trial[Explained]],
 ) -> dict[str, Trial[Explained]]:
     """Where the nearest of all leaves more than the right one does, what does nearly the same by another law, begun in
-    each of its shapes where that one ended, by name: a likeness has found the machine, and hardly differs there."""
+    each of its shapes where that one ended, by name, and ended where it is about as near: a likeness has found the
+    machine, and hardly differs there."""
     best = min(trials.values(), key=distance)
     if not may_be_likeness(best):
         return {}
@@ -314,9 +316,9 @@ def by_other_laws(
         ]
         if begun:
             trial = judged(scene, present, min(begun, key=lambda f: f.rms))
-            out[candidate.name] = min(
-                (trials[candidate.name], ended_if_named(scene, present, trial)), key=distance
-            )
+            if distance(trial) < AGAINST * distance(best):
+                trial = ended_if_named(scene, present, trial)
+            out[candidate.name] = min((trials[candidate.name], trial), key=distance)
     return out
 
 

@@ -267,14 +267,27 @@ def test_the_others_begin_on_the_machine_that_a_likeness_of_the_right_effect_fou
 
 
 @pytest.mark.parametrize(
-    ("train", "held_out", "begun"),
-    [(1.04, 1.14, True), (0.99, 1.02, False), (1.02, 1.6, True), (2.1, 1.2, False)],
-    ids=["leaves more than a right one", "leaves nothing", "describes its own only", "is far off"],
+    ("train", "held_out", "other", "begun", "ended"),
+    [
+        (1.04, 1.14, 1.0, True, True),
+        (1.04, 1.14, 1.4, True, False),
+        (0.99, 1.02, 1.0, False, False),
+        (1.02, 1.6, 1.0, True, True),
+        (2.1, 1.2, 1.0, False, False),
+    ],
+    ids=[
+        "leaves more than a right one",
+        "is nearer than the other law",
+        "leaves nothing",
+        "describes its own only",
+        "is far off",
+    ],
 )
 def test_what_leaves_more_than_the_right_law_is_begun_as_another_law(
-    monkeypatch: Any, train: float, held_out: float, begun: bool
+    monkeypatch: Any, train: float, held_out: float, other: float, begun: bool, ended: bool
 ) -> None:
-    """In each shape of the other law, of which the nearest is judged and ended; what has no such law is left."""
+    """In each shape of the other law, of which the nearest is judged, and ended where it is about as near; what has no
+    such law is left."""
     curve = SimpleNamespace(imitating=lambda _values: [{"X1.power": 2.0}, {"X1.power": 0.5}])
     none = SimpleNamespace(imitating=lambda _values: [])
     tried = [
@@ -291,17 +304,21 @@ def test_what_leaves_more_than_the_right_law_is_begun_as_another_law(
         train_rms=train, validation_rms=held_out, held_rms=held_out, model=SimpleNamespace(fitted=Fit())
     )
     far = SimpleNamespace(train_rms=1.4, validation_rms=5.0, held_rms=5.0)
-    right = SimpleNamespace(train_rms=1.0, validation_rms=1.0, held_rms=1.0)
+    right = SimpleNamespace(train_rms=1.0, validation_rms=other, held_rms=other)
     judged: list[float] = []
+    at_the_end: list[Any] = []
     monkeypatch.setattr(moves_search, "distance", lambda trial: trial.train_rms * trial.held_rms)
     monkeypatch.setattr(moves_search, "values_at", lambda _fit: {"X1.breakaway": 1.0})
     monkeypatch.setattr(
         moves_search, "fitted_from", lambda found, values, _: replace(found, rms=values["X1.power"])
     )
     monkeypatch.setattr(moves_search, "judged", lambda _scene, _present, f: judged.append(f.rms) or right)
-    monkeypatch.setattr(moves_search, "ended_if_named", lambda _scene, _present, trial: trial)
+    monkeypatch.setattr(
+        moves_search, "ended_if_named", lambda _scene, _present, trial: at_the_end.append(trial) or trial
+    )
     trials = {"stribeck_friction": best, "curved_friction": far, "sensor_gain": far}
     out = moves_search.by_other_laws(SCENE, PRESENT, cast(Any, tried), cast(Any, trials))
+    assert at_the_end == ([right] if ended else [])
     assert cast(Any, out) == ({"curved_friction": right} if begun else {})
     assert judged == ([0.5] if begun else [])
 
