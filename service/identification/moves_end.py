@@ -73,8 +73,6 @@ noise, from which on they agree (chosen: a standard deviation of one number chan
 STILL = 1e-4
 """Share of its RMS by which a fit changes between two turns that goes nowhere any more (chosen: ended at five times
 as much, the fit of the shared Stribeck pair was still on its way)."""
-LED = 8
-"""How often at most a fit is led across samples (chosen)."""
 FEW_ROUNDS = 4
 """Rounds of a fit between two turns of a motion that a wrong chain may have made."""
 CORNER = ("turnover_speed", "turnover_spread", "damping_ratio", *TOLERANCES)
@@ -357,7 +355,7 @@ def led_across(found: Fitted) -> Fitted:
     moves, own = hearing_motors(found), (own_of_few(found),)
     few = tuple(some_of(part, how_few(found)) for part in unanswering(moves)[:1])
     here = fit(few, found.model, Point(found.at.shared, own), BRIEF, tolerance=FINE)
-    on = across_samples(few, here, LED)
+    on = across_samples(few, here)
     if on.squares > here.squares - GAINED:
         return found
     begun = begun_at(moves, found.model, values_at(on), found.at.local)

@@ -52,8 +52,6 @@ STRONG = 3
 PLACED = 3
 """Shapes with which the numbers of an effect that swings are fitted alone, or that are followed from afar: a spectrum
 of few periods has several maxima."""
-LED = 4
-"""How often at most the best of them is led across samples (chosen)."""
 HALVED = 3
 """How often the better half of the fits of what swings is continued."""
 APART = 0.5
@@ -257,7 +255,7 @@ def best_looks(looks: Sequence[Fitted], found: Fitted, candidate: Candidate) -> 
     brief = list(looks)
     latest = min(brief, key=standing)
     latest = fit(latest.moves, latest.model, latest.at, BRIEF)
-    brief.append(across_samples(latest.moves, latest, LED) if latest.rms > ENDED else latest)
+    brief.append(across_samples(latest.moves, latest) if latest.rms > ENDED else latest)
     for _ in range(HALVED if candidate.effect.states else 0):
         brief = better_half_on(brief, BRIEF)
     best = min(brief, key=standing)

@@ -68,9 +68,8 @@ lubricated)."""
 SAME, NO_NEARER = 1.0, 0.98
 """Difference of every number, in standard deviations of its prior, within which a fit is in the same place, and the RMS
 over that of before down to which it is (chosen: what is expected of the noise moves it by two parts in a hundred)."""
-LED, FAR_NEARER = 4, 0.9
-"""How often at most a few moves are led across samples, and how much nearer to all moves this must lead for nothing
-else to be tried (chosen)."""
+FAR_NEARER = 0.9
+"""How much nearer to all moves a fit must be led across samples for nothing else to be tried (chosen)."""
 NEARER = 0.99
 """How much nearer to a few moves another valley must be (chosen; all moves decide)."""
 
@@ -112,7 +111,7 @@ def across(found: Fitted) -> Fitted:
     """The fit led on across samples on a few moves; itself where these or all moves say that it comes no nearer."""
     few = fewer(found)
     here = fit(few, found.model, Point(found.at.shared, (own_of_few(found),)), BRIEF)
-    return if_nearer(found, here, [across_samples(few, here, LED)])
+    return if_nearer(found, here, [across_samples(few, here)])
 
 
 def looked_about(found: Fitted) -> bool:

@@ -53,6 +53,8 @@ any to a seal's). Where the load comes to a stand decides how it swings, so each
 ACROSS, ROUNDS_ACROSS, GAINED = (8.0, 16.0), (4, 6), 1.0
 """Samples over which residuals are summed up to lead a fit across one (chosen: of one to twenty most do), rounds by
 these speeds and by acceleration, and by what the sum of squares must fall where that leads on."""
+LED = 8
+"""How often at most a fit is led across samples (chosen; the first two in vain are the last)."""
 FINE = 0.05
 """What a round of a fit must gain of cost where it goes on along a valley."""
 SUMMED = (0.05, 0.01)
@@ -324,13 +326,13 @@ def speeds_first(moves: Sequence[Moves], model: Model, at: Point, lasting: float
     return fit(moves, model, fit(of_speed(moves, lasting), model, at, rounds).at, rounds)
 
 
-def across_samples(moves: Sequence[Moves], found: Fitted, turns: int) -> Fitted:
+def across_samples(moves: Sequence[Moves], found: Fitted) -> Fitted:
     """The fit of these moves led on by speed and acceleration in turns, until it comes no nearer by any of the speeds.
     A flank that is met as one sample is taken puts a step into the sum of squares, on whose edge a fit stops that would
     have to meet it after the sample, or before it; of the speed it is a slope."""
     h, in_vain = max(part.h for part in moves), 0
     by_speed, by_acceleration = ROUNDS_ACROSS
-    for turn in range(turns):
+    for turn in range(LED):
         lasting = ACROSS[turn % len(ACROSS)] * h
         begun = fit(of_speed(moves, lasting), found.model, found.at, by_speed, tolerance=FINE)
         on = fit(moves, found.model, begun.at, by_acceleration, tolerance=FINE)

@@ -162,6 +162,13 @@ def test_over_the_noise_the_true_force_leaves_one_and_a_wrong_one_more() -> None
     assert rms_of(rows, less) * np.sqrt(share) > 1.2
 
 
+def test_over_twice_as_much_is_left_half_as_much_whatever_the_force() -> None:
+    rows, grids = rows_of_a_motor(0.01, told=(0.01, 0.0))
+    for share in (1.0, 0.6):
+        forces = [share * force_at(grid) for grid in grids]
+        assert rms_of([one.over(2.0) for one in rows], forces) == pytest.approx(0.5 * rms_of(rows, forces))
+
+
 @pytest.mark.parametrize("told", [None, (0.0, 0.0)])
 def test_a_recording_without_noise_is_trusted_to_a_thousandth(told: tuple[float, float] | None) -> None:
     rows, grids = rows_of_a_motor(0.0, told)

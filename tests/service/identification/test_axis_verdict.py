@@ -174,6 +174,20 @@ def test_what_the_motors_witness_is_a_finding_however_little_the_accelerometer_t
     assert axis_verdict.finding_of(Selection(before, after, name, (), (), witnessed=name)) == ("effect", name)
 
 
+@pytest.mark.parametrize(
+    ("held_out", "motors", "found"),
+    [(3.7, 10.8, "unknown"), (3.7, 1.8, "none"), (1.9, 10.8, "none")],
+    ids=["foretells badly and is contradicted", "numbers are not known", "a motor that cogs"],
+)
+def test_a_model_that_foretells_badly_and_that_the_motors_contradict_plainly_is_not_sound(
+    monkeypatch: pytest.MonkeyPatch, held_out: float, motors: float, found: str
+) -> None:
+    """A gap that is two described what it was fitted to, and its backlash was a fifth too large."""
+    monkeypatch.setattr(axis_verdict, "left_by_motors", lambda _fitted: np.array([motors]))
+    model = trial(1.2, held_out)
+    assert axis_verdict.finding_of(Selection(model, model, (), (), ())) == (found, ())
+
+
 def test_where_the_motors_hint_at_something_that_no_effect_explains_a_sound_model_is_unknown() -> None:
     sound = Selection(trial(1.1, 1.2), trial(1.1, 1.2), (), (), ())
     assert axis_verdict.finding_of(sound)[0] == "none"

@@ -75,7 +75,7 @@ def test_a_fit_that_stopped_where_a_flank_is_met_at_a_sample_is_led_across_it(
 ) -> None:
     right, stopped = ended(found), ended(begun_with(found, **wrong))
     assert stopped.rms > 1.03 * right.rms
-    on = across_samples(stopped.moves, stopped, 8)
+    on = across_samples(stopped.moves, stopped)
     assert on.rms - right.rms < 0.7 * (stopped.rms - right.rms)
     assert on.squares < stopped.squares
 
@@ -88,7 +88,7 @@ def test_a_fit_that_comes_no_nearer_by_speed_stays_where_it_is(monkeypatch: Any,
         return replace(found, r=1.01 * found.r)
 
     monkeypatch.setattr(moves_starts, "fit", farther)
-    assert across_samples(found.moves, found, 9) is found
+    assert across_samples(found.moves, found) is found
     h = found.moves[0].h
     assert asked == [pytest.approx(8.0 * h), 0.0, pytest.approx(16.0 * h), 0.0]
 
