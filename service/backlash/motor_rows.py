@@ -33,8 +33,6 @@ from service.recording import FloatArray, Trace
 
 MOVING = 0.05
 """Share of a move's greatest speed from which on the motor moves; below, its friction is none of these."""
-ABOUT = 3
-"""Samples to either side over which what is left of the balance is averaged to its size (chosen)."""
 OWN = 6
 """What is fitted to every move: force and torque, how late each is, and two parts of friction."""
 LATE = 1e-4
@@ -106,11 +104,11 @@ def motor_rows(
     transmission: float,
     loads: Sequence[Load],
     motions: Sequence[PPoly],
+    noise: tuple[float, float],
     lag: float = 0.0,
-    noise: tuple[float, float] | None = None,
 ) -> list[MotorRows]:
-    """The rows of one motor in every move, over how well its equation holds of the forces, or over the `noise` alone;
-    none where so many samples of its speed were lost that they tell nothing.
+    """The rows of one motor in every move over the noise; none where so many samples of its speed were lost that they
+    tell nothing.
 
     Parameters
     ----------
@@ -118,8 +116,8 @@ def motor_rows(
     transmission : [m/rad]
     loads : the force on the motor as the model says it so far
     motions : of the motor so far
-    lag : of the speed that the drive reports [s]
     noise : standard deviation of a sample of the speed [rad/s] and of the torque [N m]
+    lag : of the speed that the drive reports [s]
     """
     within = [(speed.time >= load[0][0]) & (speed.time <= load[0][-1]) for load in loads]
     if min(np.count_nonzero(inside) for inside in within) <= 2 * OWN:
@@ -135,15 +133,7 @@ def motor_rows(
         place = np.asarray(motion(0.5 * (time[1:] + time[:-1])))
         balances.append(Balanced(known[where], course, time, v, place))
         left.append(float(np.mean(noise_left[inside])))
-    if noise:
-        spread = [
-            one.by_noise(load[1], noise, transmission) for one, load in zip(balances, loads, strict=True)
-        ]
-    else:
-        alike = [one.rows(one.moving.astype(float)) for one in balances]
-        errors = [rows.of(load[1][None])[0] for rows, load in zip(alike, loads, strict=True)]
-        of_all = spread_of(errors, [one.moving for one in balances])
-        spread = [of_all[: len(one.moving)] for one in balances]
+    spread = [one.by_noise(load[1], noise, transmission) for one, load in zip(balances, loads, strict=True)]
     return [
         one.rows(np.where(one.moving, share / np.maximum(about, one.least), 0.0))
         for one, share, about in zip(balances, left, spread, strict=True)
@@ -199,24 +189,6 @@ class Balanced:
         found = np.linalg.lstsq(acts[self.moving], self.acceleration[self.moving], rcond=None)[0]
         of_speed = noise[0] * transmission * np.sqrt(2.0) / np.diff(self.time)
         return np.asarray(np.hypot(of_speed, found[0] * noise[1] * BETWEEN))
-
-
-def spread_of(errors: Sequence[FloatArray], moving: Sequence[NDArray[np.bool_]]) -> FloatArray:
-    """Standard deviation (n,) of what is left of the balance [m/s²], by how long a move has lasted, from all moves.
-    What goes on from one sample to the next is no noise and tells less: it counts as the fewer samples that it is
-    worth."""
-    n = max(len(e) for e in errors)
-    squares, counts, along, whole = np.zeros(n), np.zeros(n), 0.0, 1e-300
-    for e, there in zip(errors, moving, strict=True):
-        squares[: len(e)] += e**2
-        counts[: len(e)] += there
-        along += float(e[1:] @ e[:-1])
-        whole += float(e @ e)
-    about = np.ones(2 * ABOUT + 1)
-    free = 1.0 - OWN / max(float(np.mean([np.sum(there) for there in moving])), OWN + 1.0)
-    mean = np.convolve(squares, about, "same") / np.maximum(np.convolve(counts, about, "same"), 1.0) / free
-    lasting = np.clip(along / whole, 0.0, 0.95)
-    return np.asarray(np.sqrt(mean * (1.0 + lasting) / (1.0 - lasting)))
 
 
 def heard(grid: FloatArray, time: FloatArray, lag: float) -> Heard:

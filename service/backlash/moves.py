@@ -433,12 +433,9 @@ def alike_on_one_course(moves: Moves, motions: Sequence[PPoly]) -> list[PPoly]:
     return out
 
 
-def with_motors_asked(
-    moves: Moves, model: Model, shared: FloatArray, force: FloatArray, by_noise: bool = False
-) -> Moves:
-    """The moves with the equations of motion of their motors as further residuals, weighed by how well they hold of the
-    force (T, X, K + 1) of a fit, or by the noise alone; where no torque was recorded, or hardly a speed, as they
-    are."""
+def with_motors_asked(moves: Moves, model: Model, shared: FloatArray, force: FloatArray) -> Moves:
+    """The moves with the equations of motion of their motors as further residuals, over the noise with the force
+    (T, X, K + 1) of a fit; where no torque was recorded, or hardly a speed, as they are."""
     recording, motors = moves.recording, []
     lags = model.lags(model.numbers(shared))
     values = model.complete(model.values(shared[None]))
@@ -450,8 +447,8 @@ def with_motors_asked(
         loads = [(grid.time + skew, force[t, x]) for t, grid in enumerate(moves.grids)]
         motions = [motion[x] for motion in moves.motion]
         speed, ratio = recording.traces[axis, "motor_speed"], recording.axis(axis).transmission
-        noise = (sample_noise(speed, recording), sample_noise(torque, recording)) if by_noise else None
-        rows = motor_rows(speed, torque, moves.noise_left[x], ratio, loads, motions, lags[x], noise)
+        noise = sample_noise(speed, recording), sample_noise(torque, recording)
+        rows = motor_rows(speed, torque, moves.noise_left[x], ratio, loads, motions, noise, lags[x])
         if not rows:
             return moves
         motors.append(rows)

@@ -494,26 +494,24 @@ def zeros_alike(moves: Sequence[Moves], found: Fitted, k: int = 0) -> tuple[Floa
     return tuple(np.stack([best.get(s, np.zeros(own.shape[1])) for s in part.s]) for part in moves)
 
 
-def reconstructed(
-    found: Fitted, follow: bool = True, asked: bool = False, by_noise: bool = False
-) -> tuple[Moves, ...]:
+def reconstructed(found: Fitted, follow: bool = True, asked: bool = False) -> tuple[Moves, ...]:
     """The moves with the motor's motion reconstructed from the fit; with `follow` it goes on following the force. No
-    motor follows a fit that ran away. With `asked` the motors' equations of motion are residuals, too, over how well
-    they hold of the fit, or over the noise alone."""
+    motor follows a fit that ran away. With `asked` the motors' equations of motion are residuals, too, over the
+    noise."""
     out = []
     for part, local in zip(found.moves, found.at.local, strict=True):
         force = predict(part, found.model, found.at.shared[None], local[None]).force()[0]
         sound = bool(np.all(np.isfinite(force)))
         at = found.at.shared
         now = with_reconstructed_motion(part, found.model, at, force, follow) if sound else part
-        out.append(with_motors_asked(now, found.model, at, force, by_noise) if sound and asked else now)
+        out.append(with_motors_asked(now, found.model, at, force) if sound and asked else now)
     return tuple(out)
 
 
 def hearing_motors(found: Fitted) -> tuple[Moves, ...]:
     """The moves with the motors' motion reconstructed from the fit, their equations of motion as residuals over the
     noise, or over what the fit leaves of them where that is more: a motor that cogs says less."""
-    moves = reconstructed(found, asked=True, by_noise=True)
+    moves = reconstructed(found, asked=True)
     motors = fit(moves, found.model, found.at, 0).motors
     left = max(1.0, float(np.sqrt(np.mean(motors**2)))) if len(motors) else 1.0
     return tuple(

@@ -146,8 +146,8 @@ def finding_of(
     if effects and effects == selection.witnessed:
         return "effect", effects
     sound = max(sound, SMALL) if _undisputed(selection) else sound
-    sound_enough = _little(before) and left(after) <= sound and _in_time(before) and _usual(before)
-    sound_enough = sound_enough and not _contradicted(before)
+    usual = _in_time(before) and _usual(before) and not _contradicted(before)
+    sound_enough = _little(before) and left(after) <= sound and usual
     of_library = not (selection.hinted or _of_no_library(selection))
     nothing: Finding = "none" if sound_enough and of_library else "unknown"
     if not effects or (_little(before) and _common_suffices(selection)):

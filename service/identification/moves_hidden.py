@@ -92,7 +92,7 @@ NO_GAP = 1e-6
 def jointly(found: Fitted) -> Fitted:
     """The fit continued to the samples and to its motors' equations of motion, in turns with the motors' motion."""
     for _ in range(TURNS):
-        found = fit(reconstructed(found, asked=True, by_noise=True), found.model, found.at, ROUNDS)
+        found = fit(reconstructed(found, asked=True), found.model, found.at, ROUNDS)
     return found
 
 
@@ -108,7 +108,7 @@ def led_through_rests(found: Fitted) -> Fitted:
     best = on = found
     for turn in range(STEPS if pinions_lie(found.model) else 0):
         moves, at = lying_as_left(on.moves, on.model, on.at)
-        begun = reconstructed(replace(on, moves=moves, at=at), asked=True, by_noise=True)
+        begun = reconstructed(replace(on, moves=moves, at=at), asked=True)
         on = fit(begun, on.model, at, ROUNDS)
         best, before = min(best, on, key=lambda f: f.rms_with_motors), best
         if turn >= PATIENCE and best.rms_with_motors > RIDGE * before.rms_with_motors:

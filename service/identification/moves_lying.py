@@ -149,7 +149,7 @@ def motors_asked(moves: Sequence[Moves], model: Model, at: Point) -> tuple[Moves
     for part, own in zip(moves, at.local, strict=True):
         force = predict(part, model, at.shared[None], own[None]).force()[0]
         sound = bool(np.all(np.isfinite(force)))
-        out.append(with_motors_asked(part, model, at.shared, force, by_noise=True) if sound else part)
+        out.append(with_motors_asked(part, model, at.shared, force) if sound else part)
     return tuple(out)
 
 

@@ -55,7 +55,7 @@ def of_moves(found: Fitted) -> list[list[FloatArray]]:
     the noise (n,), so that its mean square is that of the degrees of freedom, without what cogs; none where no torque
     was recorded."""
     out = []
-    for part, local in zip(reconstructed(found, asked=True, by_noise=True), found.at.local, strict=True):
+    for part, local in zip(reconstructed(found, asked=True), found.at.local, strict=True):
         force = predict(part, found.model, found.at.shared[None], local[None]).force()[0]
         of_motors = [
             while_moving(rows, without_cogging(rows, left_of(rows, force[:, x])))

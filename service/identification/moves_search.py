@@ -141,7 +141,7 @@ def refitted(found: Fitted, brief: Sequence[Brief], enough: float) -> list[Fitte
         return [glanced_at(found, brief[0])]
     fits = [carried(found, one, FIRST_ROUNDS) for one in brief if brief[0].rms > RIVAL * one.rms]
     if fits[0].model.effects[-1].many_valleys:
-        fits = [fit(reconstructed(f, asked=True, by_noise=True), f.model, f.at, ROUNDS) for f in fits]
+        fits = [fit(reconstructed(f, asked=True), f.model, f.at, ROUNDS) for f in fits]
         least = min(f.rms_with_motors for f in fits)
         held = [f for f in fits if f.rms_with_motors <= AGAINST * least]
         return sorted(held, key=lambda f: f.rms)
@@ -573,9 +573,9 @@ def shaped(base: Fitted, candidate: Candidate, shape: Values) -> Fitted:
 
 
 def fitted_on(base: Fitted, found: dict[str, Fitted], tried: Sequence[Candidate]) -> None:
-    """The best of the fits continued, then what they contain and what does much the same as the best, begun there.
-    Where the present fit describes the moves already, what is missing shows in others, and hardly in how near a fit
-    comes: all are continued."""
+    """The best of the fits continued and led across samples, then what they contain and what does much the same as the
+    best, begun there. Where the present fit describes the moves already, what is missing shows in others, and hardly in
+    how near a fit comes: all are continued."""
     nearest = leading({name: one.rms for name, one in found.items()}, PROMISING)
     for name in nearest if base.rms > ENDED else list(found):
         found[name] = fit(found[name].moves, found[name].model, found[name].at, ROUNDS)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from service.backlash.motor_rows import EXACT, OWN, MotorRows, motor_rows, spread_of
+from service.backlash.motor_rows import EXACT, OWN, MotorRows, motor_rows
 from service.recording import FloatArray, Trace
 
 DURATION, REST, RATIO = 0.08, 0.2, 0.003
@@ -49,9 +49,9 @@ def rows_of_a_motor(
     lost: tuple[float, float] = (0.0, 0.0),
     back: float = 0.0,
 ) -> tuple[list[MotorRows], list[FloatArray]]:
-    """The rows of all moves, told the true force, and the times of their grids; `noise` of the speed in rad/s, of which
-    and of the torque's the rows may be `told`; samples of the speed `lost` between two times; the motor swings
-    `back` after a move, by such a share of it."""
+    """The rows of all moves, told the true force, and the times of their grids; `noise` of the speed in rad/s, which
+    the rows are told, or other noise of speed and torque; samples of the speed `lost` between two times; the motor
+    swings `back` after a move, by such a share of it."""
     rng = np.random.default_rng(4)
     time = np.arange(0.0, STARTS[-1] + DURATION + REST, 1e-3)
     v = speed_at(time) - back * speed_at(time - DURATION)
@@ -68,7 +68,7 @@ def rows_of_a_motor(
         RATIO,
         [(grid, force_at(grid)) for grid in grids],
         [motion] * len(grids),
-        noise=told,
+        noise=told or (noise, 0.0),
     )
     return rows, grids
 
@@ -135,22 +135,6 @@ def test_a_force_that_is_zero_or_no_number_leaves_the_motors_own_balance() -> No
     assert np.any(np.isnan(ran_away))
 
 
-def test_what_goes_on_from_sample_to_sample_counts_as_the_fewer_samples_that_it_is_worth() -> None:
-    rng, keep = np.random.default_rng(6), 0.6
-    white = [0.02 * rng.standard_normal(3000) for _ in range(20)]
-    lasting = []
-    for e in white:
-        on = np.empty_like(e)
-        on[0] = e[0]
-        for k in range(1, len(e)):
-            on[k] = keep * on[k - 1] + np.sqrt(1.0 - keep**2) * e[k]
-        lasting.append(on)
-    moving = [np.ones(3000, dtype=bool)] * 20
-    np.testing.assert_allclose(np.median(spread_of(white, moving)), 0.02, rtol=0.02)
-    as_mean = np.sqrt((1.0 + keep) / (1.0 - keep))
-    np.testing.assert_allclose(np.median(spread_of(lasting, moving)), 0.02 * as_mean, rtol=0.05)
-
-
 def test_over_the_noise_the_true_force_leaves_one_and_a_wrong_one_more() -> None:
     """The rows of a move have lost six of its numbers; white noise of the speed is all that is left of the others."""
     rows, grids = rows_of_a_motor(0.01, told=(0.01, 0.0))
@@ -169,9 +153,8 @@ def test_over_twice_as_much_is_left_half_as_much_whatever_the_force() -> None:
         assert rms_of([one.over(2.0) for one in rows], forces) == pytest.approx(0.5 * rms_of(rows, forces))
 
 
-@pytest.mark.parametrize("told", [None, (0.0, 0.0)])
-def test_a_recording_without_noise_is_trusted_to_a_thousandth(told: tuple[float, float] | None) -> None:
-    rows, grids = rows_of_a_motor(0.0, told)
+def test_a_recording_without_noise_is_trusted_to_a_thousandth() -> None:
+    rows, grids = rows_of_a_motor(0.0)
     left = [one.of(force_at(grid)[None])[0] for one, grid in zip(rows, grids, strict=True)]
     assert all(np.all(np.isfinite(part)) for part in left)
     greatest = max(float(np.max(one.weight)) for one in rows)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
@@ -10,8 +10,9 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from service.backlash.moves import early_part, predict, residuals, some_of
-from service.backlash.moves_fit import Fitted, every, fit, jacobian, reconstructed
+from service.backlash import moves_fit
+from service.backlash.moves import Moves, early_part, predict, residuals, some_of
+from service.backlash.moves_fit import Fitted, every, fit, hearing_motors, jacobian, reconstructed
 from service.identification import moves_motors
 from service.identification.moves_motors import CONTRADICTED, left_by_motors, plainly_against
 from service.identification.moves_valleys import asked as of_few
@@ -104,6 +105,27 @@ def test_what_repeats_with_the_motors_position_is_taken_off_and_what_repeats_in_
 
     cogs, hums = (left_by_motors(with_more_torque(found, more))[0] for more in (cogging, humming))
     assert cogs < 0.6 * hums
+
+
+def test_motors_whose_equations_hold_worse_than_their_noise_say_the_less(found: Fitted) -> None:
+    def humming(time: FloatArray) -> FloatArray:
+        return np.asarray(0.2 * np.sin(2.0 * np.pi * time / 9e-3))
+
+    def left(one: Fitted, moves: Sequence[Moves]) -> float:
+        return float(np.sqrt(np.mean(fit(moves, one.model, one.at, 0).motors ** 2)))
+
+    hums = with_more_torque(found, humming)
+    assert left(hums, reconstructed(hums, asked=True)) > 1.5
+    assert left(hums, hearing_motors(hums)) == pytest.approx(1.0)
+
+
+def test_motors_that_leave_less_than_their_noise_say_no_more(monkeypatch: Any, found: Fitted) -> None:
+    """So the noise is put at too much, or a fit follows it: neither makes them better witnesses."""
+    (part,) = reconstructed(found, asked=True)
+    quiet = replace(part, motors=tuple(tuple(rows.over(3.0) for rows in move) for move in part.motors))
+    monkeypatch.setattr(moves_fit, "reconstructed", lambda *_, **__: (quiet,))
+    (heard,) = hearing_motors(found)
+    np.testing.assert_array_equal(heard.motors[0][0].weight, quiet.motors[0][0].weight)
 
 
 def test_without_torque_the_samples_alone_are_fitted_and_nothing_contradicts(found: Fitted) -> None:

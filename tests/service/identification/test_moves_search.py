@@ -678,8 +678,8 @@ def test_of_an_effect_with_many_valleys_a_fit_in_each_is_judged(monkeypatch: Any
     motors speak against is none, however near it is."""
     ended, by_motors = {1.5: 1.2, 1.6: 1.0, 1.7: 1.1, 1.8: 0.9}, {1.2: 2.1, 1.0: 2.0, 1.1: 2.0, 0.9: 4.0}
 
-    def asked(found: Any, asked: bool, by_noise: bool) -> float:
-        assert asked and by_noise
+    def asked(found: Any, asked: bool) -> float:
+        assert asked
         return float(found.rms)
 
     def fit(rms: float, *_: Any) -> Any:
