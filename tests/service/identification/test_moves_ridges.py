@@ -65,19 +65,21 @@ def test_a_fit_that_ended_in_another_valley_is_carried_to_the_right_one(
     assert ended(over_ridges(other)).rms < 1.005 * right.rms
 
 
-@pytest.mark.parametrize(
-    "wrong",
-    [{"contact_stiffness": 0.4}, {"gear_stiffness": 0.3, "pinion_stiffness": 3.0}],
-    ids=["every impact comes late", "springs otherwise divided"],
-)
-def test_a_fit_that_stopped_where_a_flank_is_met_at_a_sample_is_led_across_it(
-    found: Fitted, wrong: dict[str, float]
-) -> None:
-    right, stopped = ended(found), ended(begun_with(found, **wrong))
-    assert stopped.rms > 1.03 * right.rms
-    on = across_samples(stopped.moves, stopped)
-    assert on.rms - right.rms < 0.7 * (stopped.rms - right.rms)
-    assert on.squares < stopped.squares
+def test_fits_that_stopped_where_a_flank_is_met_at_a_sample_are_led_across_it(found: Fitted) -> None:
+    """Over several beginnings: at which sample one of them stops differs from processor to processor."""
+    right = ended(found)
+    beginnings: list[dict[str, float]] = [
+        {"contact_stiffness": 0.4},
+        {"gear_stiffness": 0.3},
+        {"gear_stiffness": 0.3, "pinion_stiffness": 3.0},
+        {"gear_stiffness": 0.5, "pinion_stiffness": 2.0},
+    ]
+    stopped = [ended(begun_with(found, **wrong)) for wrong in beginnings]
+    on = [across_samples(each.moves, each) for each in stopped]
+    assert all(after.squares <= before.squares for after, before in zip(on, stopped, strict=True))
+    before, after = (sum(each.rms - right.rms for each in fits) for fits in (stopped, on))
+    assert before > 0.05 * right.rms
+    assert after < 0.5 * before
 
 
 def test_a_fit_that_comes_no_nearer_by_speed_stays_where_it_is(monkeypatch: Any, found: Fitted) -> None:
