@@ -14,18 +14,13 @@ from service.identification.axis_verdict import LEFT_BY_ONE, SMALL, finding_of, 
 from service.identification.explanation import Accepted, AxisExplanation, Candidate
 from service.identification.given_effects import as_accepted, names_of, with_effects_of
 from service.identification.held_out import DESCRIBED, SEARCHED, Explained, overdamped, trial_of
+from service.identification.moves_carried import SECOND
 from service.identification.moves_end import declared_end, ended
+from service.identification.moves_finals import describes_all, may_be_named
 from service.identification.moves_hidden import as_heard_by_motors, hidden, leads, swinging
 from service.identification.moves_motors import CONTRADICTED, PLAINLY, left_by_motors, nothing_left
 from service.identification.moves_repeated import pure_error
-from service.identification.moves_search import (
-    SECOND,
-    challenged,
-    describes_all,
-    may_be_named,
-    propose,
-    without,
-)
+from service.identification.moves_search import challenged, propose, without
 from service.identification.moves_starts import TOO_MUCH
 from service.identification.scene import Scene, declared_fits, scene_of
 from service.identification.selection import (

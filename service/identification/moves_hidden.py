@@ -22,12 +22,13 @@ from service.backlash.moves_fit import Fitted, Point, fit, reconstructed, values
 from service.dynamics.driven_model import DrivenEffect
 from service.identification.explanation import Candidate
 from service.identification.held_out import DESCRIBED, Explained, trial_of
+from service.identification.moves_carried import AGAINST, FIRST_ROUNDS, carried
 from service.identification.moves_end import HOPELESS, RIDGE, SOUND, settled
+from service.identification.moves_finals import describes_all, judged
 from service.identification.moves_looks import VALLEYS, noted
 from service.identification.moves_lying import lying_as_left, pinions_lie
 from service.identification.moves_motors import CONTRADICTED, left_by_motors, nothing_left, of_moves
 from service.identification.moves_ridges import NEARER, at_all_frequencies, hardly_damped, put_back
-from service.identification.moves_search import AGAINST, FIRST_ROUNDS, carried, describes_all, judged
 from service.identification.moves_starts import (
     BRIEF,
     ROUNDS,

@@ -1,4 +1,6 @@
-"""A clean axis' moves, and its declared model fitted to them, for all tests that need both."""
+"""What these tests share: a clean axis' moves with its declared model fitted to them, and what made-up fits are taken
+for.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +13,7 @@ from service.backlash.moves_begun import point_at
 from service.backlash.moves_fit import Fitted, fit
 from service.captures import read_capture
 from service.dynamics.driven_model import Model
+from service.identification import moves_finals, moves_looks
 from service.identification.scene import ChannelTolerance, as_effects, estimator_alone
 from service.recording import Recording
 
@@ -30,3 +33,16 @@ def found(captures: tuple[Recording, Recording]) -> Fitted:
     moves = [moves_of(train, ("X1",))]
     place = as_effects(estimator_alone(train, "X1"), ("X1",))
     return fit(moves, model, point_at(model, place, moves), 4)
+
+
+@pytest.fixture
+def sound(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No chain is damped as none is, unless a test says which."""
+    monkeypatch.setattr(moves_looks, "overdamped", lambda found: getattr(found, "damped", ()))
+
+
+@pytest.fixture
+def no_torque(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No torque was recorded, so the motors speak against nothing, and no law is refined, unless a test says what."""
+    monkeypatch.setattr(moves_finals, "plainly_against", lambda _present, _trial: False)
+    monkeypatch.setattr(moves_finals, "in_full", lambda fitted: fitted)

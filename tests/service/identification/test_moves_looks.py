@@ -14,11 +14,7 @@ from service.dynamics.effects.driven_library import DRIVEN
 from service.identification import moves_looks, moves_starts
 from service.identification.moves_starts import softer_contact
 
-
-@pytest.fixture(autouse=True)
-def sound(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No chain is damped as none is, unless a test says which."""
-    monkeypatch.setattr(moves_looks, "overdamped", lambda found: getattr(found, "damped", ()))
+pytestmark = pytest.mark.usefixtures("sound")
 
 
 def stub(rms: float, name: str = "") -> Any:
