@@ -19,7 +19,12 @@ from service.backlash.interval import half_width_95
 from service.backlash.model_fit_beside import Beside
 from service.backlash.model_fit_data import Measured, measure
 from service.backlash.model_fit_gantry import gantry_fit
-from service.backlash.model_fit_impurity_sizes import by_evidence, likeliest_width, without_impurities
+from service.backlash.model_fit_impurity_sizes import (
+    by_and_by,
+    by_evidence,
+    likeliest_width,
+    without_impurities,
+)
 from service.backlash.model_fit_input_noise import input_variance
 from service.backlash.model_fit_interval import (
     Linearised,
@@ -139,10 +144,13 @@ def model_fit_axes(recording: Recording, axis: str) -> dict[str, AxisResult]:
 def sound(measured: Measured, staged: Staged) -> Staged:
     """A sound machine near by that explains the recording as well as one has to; where there is none, what was found.
 
-    A mesh's slope and a bow of it together may lie along a valley with the backlash, and a fit far out in it.
+    A mesh's slope and a bow of it together may lie along a valley with the backlash, and a fit far out in it: what else
+    they had bent may hold it there where they are taken away at once.
     """
     motors = following_force if len(measured.axes) == 1 else with_following_motors
     ends = without_impurities(measured, staged.best, motors)
+    if lowest(ends).fit.misfit >= MISFIT_LIMIT:
+        ends += by_and_by(measured, staged.best, motors)
     best = lowest(ends)
     return replace(staged, best=best, ends=ends) if best.fit.misfit < MISFIT_LIMIT else staged
 

@@ -24,7 +24,7 @@ from service.backlash.model_fit_interval import Linearised
 from service.backlash.model_fit_mesh_waves import of_waves
 from service.backlash.model_fit_problem import FAR, Point, Problem
 from service.backlash.model_fit_problem import fit as fit_from
-from service.backlash.model_fit_stages import Outcome, Reconstruction, passes
+from service.backlash.model_fit_stages import Outcome, Reconstruction, lowest, passes
 from service.dynamics.driven_model import Model
 from service.recording import FloatArray
 
@@ -34,6 +34,8 @@ WIDTHS = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0)
 
 ROUNDS, PASSES = 4, (8, 6, 6)
 """Of a fit under another width, and of each pass without impurities."""
+PART = WIDTHS[2]
+"""What is kept of impurities at first that a fit is led out of by and by (chosen)."""
 
 
 class Weighed(NamedTuple):
@@ -132,6 +134,19 @@ def of_width(problem: Problem, at: Point, width: float) -> tuple[Problem, Point]
 
 def without_impurities(measured: Measured, best: Outcome, motors: Reconstruction) -> list[Outcome]:
     """Passes from the best fit on, its impurities gone and kept small: a sound machine that is near by."""
+    return with_less(measured, best, 0.0, WIDTHS[0], motors)
+
+
+def by_and_by(measured: Measured, best: Outcome, motors: Reconstruction) -> list[Outcome]:
+    """The same with a part of the impurities kept at first: what else they had bent follows them back."""
+    less = with_less(measured, best, PART, PART, motors)
+    return without_impurities(measured, lowest(less), motors)
+
+
+def with_less(
+    measured: Measured, best: Outcome, kept: float, width: float, motors: Reconstruction
+) -> list[Outcome]:
+    """Passes from the best fit on, with a share `kept` of its impurities, under a prior of another width."""
     model, at = best.problem.model, best.fit.point
-    clean = Point(np.where(meshes(model) | bends(model), 0.0, at.shared), at.local)
-    return passes(measured, *of_width(best.problem, clean, WIDTHS[0]), PASSES, motors)
+    shared = np.where(meshes(model) | bends(model), kept * at.shared, at.shared)
+    return passes(measured, *of_width(best.problem, Point(shared, at.local), width), PASSES, motors)
