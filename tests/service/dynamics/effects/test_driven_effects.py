@@ -17,7 +17,7 @@ from service.dynamics.driven_motion import coefficients, plain_motion
 from service.dynamics.effects.driven_library import DRIVEN
 from service.dynamics.effects.driven_ripple import DrivenRipple
 from service.dynamics.effects.driven_sensors import low_passed
-from service.dynamics.effects.driven_transmission import BENDS, damping, stiffening
+from service.dynamics.effects.driven_transmission import BENDS, FINE, damping, stiffening
 from service.recording import FloatArray, Trace
 
 H, K, BEGIN = 2.5e-4, 340, -0.002
@@ -264,6 +264,19 @@ def test_the_damper_of_a_bent_contact_grows_as_it_is_said_to(grown: float) -> No
     rough = driven(("contact_nonlinearity",), {"X1.bend": 0.6})
     errors = [np.sqrt(np.mean((predicted - theirs) ** 2)) for predicted in (ours, rough)]
     assert errors[0] < 0.05 and errors[0] < 0.35 * errors[1], "a damper is as large within a piece"
+
+
+@pytest.mark.parametrize("bend", [-0.3, 0.1, 0.5, 1.0])
+def test_the_pieces_of_a_bent_flank_follow_its_power(bend: float) -> None:
+    """As closely as a quiet sensor sees, 0.02 m/s², pressed by up to 8 m/s²; so it does where a flank that stiffens is
+    met, which decides about the backlash."""
+    x = np.linspace(0.0, 2.0 ** (1.0 / (1.0 + bend)), 500)
+    pieces = {at: np.maximum(x[:, None] - np.array(at[:-1]), 0.0) for at in (BENDS, FINE)}
+    found = np.array([bend])
+    missed = {at: 4.0 * (deep @ stiffening(found, at)[0] - x ** (1.0 + bend)) for at, deep in pieces.items()}
+    rms = {at: float(np.sqrt(np.mean(m**2))) for at, m in missed.items()}
+    assert rms[FINE] < 0.02 and rms[FINE] < 0.35 * rms[BENDS]
+    assert bend < 0.0 or np.max(np.abs(missed[FINE][x < 0.02])) < 0.02
 
 
 @pytest.mark.parametrize("damping", [0.3, 0.7, 5.0])
