@@ -15,14 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.backlash.model_fit_problem import DIFFERENCE
-from service.backlash.moves import (
-    REST_SPREAD,
-    Moves,
-    misfits,
-    predict,
-    with_motors_asked,
-    with_reconstructed_motion,
-)
+from service.backlash.moves import Moves
+from service.backlash.moves_motion import with_motors_asked, with_reconstructed_motion
+from service.backlash.moves_predicted import REST_SPREAD, misfits, predict
 from service.dynamics.driven_model import Model
 from service.recording import FloatArray
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from service.backlash.expected_errors import expected_errors
-from service.backlash.moves import Moves, early_part, predict
+from service.backlash.moves import Moves
 from service.backlash.moves_fit import (
     CLOSE_PLACES,
     Fitted,
@@ -29,6 +29,8 @@ from service.backlash.moves_fit import (
     rms_of_moves,
     zeros_alike,
 )
+from service.backlash.moves_parts import early_part
+from service.backlash.moves_predicted import predict
 from service.dynamics.driven_model import LINKS, Model
 from service.identification.moves_lying import as_left_and_told, pinions_lie
 from service.identification.moves_rests import KNOWN, WORSE, how_known, swinging_on, swings_at_all

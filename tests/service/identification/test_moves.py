@@ -11,15 +11,7 @@ import pytest
 from scipy.optimize import minimize
 
 from service.backlash.expected_errors import WAYS, expected_errors, speed_errors, wander_of
-from service.backlash.moves import (
-    REST_SPREAD,
-    Moves,
-    early_part,
-    moves_of,
-    predict,
-    residuals,
-    sensor_zero,
-)
+from service.backlash.moves import Moves, moves_of, sensor_zero
 from service.backlash.moves_begun import begun_anew, shared_at
 from service.backlash.moves_fit import (
     Fitted,
@@ -39,6 +31,7 @@ from service.backlash.moves_fit import (
     within,
     zeros_alike,
 )
+from service.backlash.moves_predicted import REST_SPREAD, predict, residuals
 from service.backlash.rest_noise import noise_at_rest, sample_noise
 from service.backlash.signals import summed
 from service.dynamics.driven_model import Model
@@ -285,14 +278,6 @@ def test_only_zeros_are_found_again() -> None:
     assert len(every(model)) == len(model.parameters)
 
 
-def test_the_early_part_is_early(captures: tuple[Recording, Recording]) -> None:
-    moves = moves_of(captures[0], ("X1",))
-    part = early_part(moves, 0.45)
-    for grid in part.grids:
-        move = captures[0].moves[grid.index]
-        assert grid.time[1:][grid.used[0]].max() <= move.start + 0.45 * move.duration
-
-
 def test_a_pinion_that_rested_at_the_far_side_of_its_gap_is_found_there(found: Fitted) -> None:
     clearance = 0.6 * found.value("X1.backlash")
     model, at = with_a_clearance(found, clearance)
@@ -336,18 +321,3 @@ def test_an_amount_has_no_limit_that_a_machine_may_reach(found: Fitted) -> None:
         assert numbers[f"X1.{name}"] == pytest.approx(value)
         gear = next(p for p in model.parameters if p.name == "X1.gear_mass")
         assert numbers["X1.gear_mass"] == pytest.approx(float(gear.value(5.0)))
-
-
-def test_moves_that_were_made_alike_have_one_motion(found: Fitted) -> None:
-    """And only these: the first of a recording has its own."""
-    (moves,) = reconstructed(found)
-    assert sum(map(len, moves.alike)) >= 6
-
-    def speed(k: int) -> FloatArray:
-        return np.asarray(moves.motion[k][0](np.linspace(0.0, 0.08, 50) + moves.recording.moves[k].start, 1))
-
-    for group in moves.alike:
-        for k in group:
-            np.testing.assert_allclose(speed(k), speed(group[0]), atol=1e-9)
-    first = next(group for group in moves.alike if moves.s[group[0]] == moves.s[0])
-    assert np.max(np.abs(speed(0) - speed(first[0]))) > 1e-6

@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 
 from service.backlash import moves_fit
-from service.backlash.moves import Moves, early_part, predict, residuals, some_of
+from service.backlash.moves import Moves
 from service.backlash.moves_fit import Fitted, every, fit, hearing_motors, jacobian, reconstructed
+from service.backlash.moves_parts import early_part, some_of
+from service.backlash.moves_predicted import predict, residuals
 from service.identification import moves_motors
 from service.identification.moves_motors import CONTRADICTED, left_by_motors, plainly_against
 from service.identification.moves_valleys import asked as of_few
