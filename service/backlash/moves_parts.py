@@ -1,4 +1,4 @@
-"""Parts of the moves of a recording: the beginning of each, or a few of them."""
+"""Parts of the moves of a recording: the beginning of each, a few of them, or all without what their motors say."""
 
 from __future__ import annotations
 
@@ -53,3 +53,8 @@ def some_of(moves: Moves, count: int) -> Moves:
         white=False,
         motors=moves.motors[kept],
     )
+
+
+def unasked(moves: Moves) -> Moves:
+    """The moves without what their motors say."""
+    return replace(moves, motors=()) if moves.motors else moves

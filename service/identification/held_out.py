@@ -12,25 +12,19 @@ import numpy as np
 
 from service.backlash.expected_errors import expected_errors
 from service.backlash.moves import Moves
-from service.backlash.moves_fit import (
+from service.backlash.moves_fit import Fitted, fit, jacobian
+from service.backlash.moves_parts import early_part
+from service.backlash.moves_point import Free, Point, every, found_again, resting
+from service.backlash.moves_predicted import predict
+from service.backlash.moves_refined import (
     CLOSE_PLACES,
-    Fitted,
-    Free,
-    Point,
     as_alike_moves,
     best_of_each,
-    every,
-    fit,
-    found_again,
-    jacobian,
     reconstructed,
-    resting,
     rests_found,
     rms_of_moves,
     zeros_alike,
 )
-from service.backlash.moves_parts import early_part
-from service.backlash.moves_predicted import predict
 from service.dynamics.driven_model import LINKS, Model
 from service.identification.moves_lying import as_left_and_told, pinions_lie
 from service.identification.moves_rests import KNOWN, WORSE, how_known, swinging_on, swings_at_all

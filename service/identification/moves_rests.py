@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.backlash.moves import Moves, Swings
-from service.backlash.moves_fit import Fitted, Point, fit
+from service.backlash.moves_fit import Fitted, fit
+from service.backlash.moves_point import Point
 from service.backlash.moves_predicted import REST_SPREAD, left_over, simulated
 from service.dynamics.driven import Course, wider
 from service.dynamics.driven_model import Model

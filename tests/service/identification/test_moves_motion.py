@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from service.backlash.moves_fit import Fitted, reconstructed
+from service.backlash.moves_fit import Fitted
+from service.backlash.moves_refined import reconstructed
 from service.recording import FloatArray
 
 
