@@ -16,7 +16,8 @@ from dataclasses import replace
 import numpy as np
 
 from service.backlash.model_fit_input_noise import errors_of_samples
-from service.backlash.moves import Moves, Wander, motor_coefficients, simulated
+from service.backlash.moves import Moves, Wander
+from service.backlash.moves_predicted import motor_coefficients, simulated
 from service.backlash.rest_noise import sample_noise
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_bodies import WANDERING

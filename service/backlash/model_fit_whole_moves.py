@@ -20,7 +20,8 @@ from service.backlash.model_fit_problem import Point
 from service.backlash.model_fit_stages import HOPELESS, Outcome
 from service.backlash.moves import TAIL, moves_of
 from service.backlash.moves_begun import point_at, with_expected_errors
-from service.backlash.moves_fit import Fitted, fit, reconstructed
+from service.backlash.moves_fit import Fitted, fit
+from service.backlash.moves_refined import reconstructed
 from service.recording import FloatArray, Recording
 
 UNSURE = (2e-7, 0.0035)

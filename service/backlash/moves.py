@@ -16,22 +16,14 @@ from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from service.backlash.alike_moves import averaged as averaged_over
-from service.backlash.alike_moves import made_alike, on_one_course
-from service.backlash.model_fit_data import KEPT, acceleration_of, bias_at_rest, reconstructed
-from service.backlash.motor_rows import MotorRows, motor_rows
+from service.backlash.alike_moves import made_alike
+from service.backlash.model_fit_data import acceleration_of, bias_at_rest
+from service.backlash.motor_rows import MotorRows
 from service.backlash.rest_noise import noise_at_rest, sample_noise
 from service.backlash.set_points import motors_of
-from service.backlash.signals import summed
-from service.dynamics.driven import Course, course_of
-from service.dynamics.driven_model import Model, Values
-from service.dynamics.driven_motion import (
-    StepGrid,
-    of_motors,
-    on_grid,
-    sample_period,
-)
-from service.dynamics.driven_reconstruction import Balance, Echo, Load, answered, echo, window
-from service.dynamics.effects.driven_bodies import WANDER, WANDERING
+from service.dynamics.driven_motion import StepGrid, on_grid, sample_period
+from service.dynamics.driven_reconstruction import Echo
+from service.dynamics.effects.driven_bodies import WANDERING
 from service.recording import FloatArray, Move, Recording, Trace
 
 LEAD = 0.002
@@ -43,12 +35,6 @@ from its viscous part, which slides at one speed while the gap is crossed. Chose
 load swings out in a few periods of its contact."""
 STILL = 1.5
 """Spread of the sensor's samples in a rest, over their noise, from which on something swings there."""
-REST_SPREAD = np.array([6e-5, 5e-4])
-"""Prior of the load's position [m] and speed [m/s] at the start of a move, against the driving flank: anywhere in a
-gap of some 10 to 200 µm, and nearly at rest."""
-
-TOGETHER = 24
-"""Sets simulated in one pass: about as many as a single axis' model has coordinates; more cost 0.5 to 1 MB each."""
 
 
 @dataclass(frozen=True)
@@ -269,200 +255,3 @@ def moves_of(
         apart=min(1.0, float(np.linalg.norm(off)) / WANDERING),
         alike=alike,
     )
-
-
-def early_part(moves: Moves, share: float) -> Moves:
-    """The same moves cut off after the first `share` of each."""
-    ends = [move.start + share * move.duration for move in moves.made]
-    K = max(int(np.sum(grid.time[1:] <= end)) for grid, end in zip(moves.grids, ends, strict=True))
-    grids = tuple(
-        replace(grid, measured=grid.measured[:, :K], used=(grid.used & (grid.time[1:] <= end))[:, :K])
-        for grid, end in zip(moves.grids, ends, strict=True)
-    )
-    return replace(
-        moves,
-        grids=grids,
-        expected=moves.expected[..., :K],
-        judged=None if moves.judged is None else moves.judged[..., :K],
-        echoes=(),
-        reference=None,
-        wander=None,
-        white=False,
-        motors=(),
-    )
-
-
-def few_of(moves: Moves, count: int) -> slice:
-    """Which moves `some_of` keeps."""
-    return slice(1, 1 + count) if len(moves.grids) > count else slice(None)
-
-
-def some_of(moves: Moves, count: int) -> Moves:
-    """The first few moves after the first one, in which the pinion may rest anywhere."""
-    kept = few_of(moves, count)
-    return replace(
-        moves,
-        grids=moves.grids[kept],
-        motion=moves.motion[kept],
-        bias=moves.bias[kept],
-        expected=moves.expected[kept],
-        judged=None if moves.judged is None else moves.judged[kept],
-        echoes=moves.echoes[kept],
-        reference=None if moves.reference is None else moves.reference[kept],
-        swings=None if moves.swings is None else moves.swings.of(kept),
-        heard={name: value[kept] for name, value in moves.heard.items()},
-        wander=None,
-        white=False,
-        motors=moves.motors[kept],
-    )
-
-
-def motor_coefficients(moves: Moves, skews: FloatArray) -> FloatArray:
-    """Motor motion of every set, move and axis on the grid: skews (S, X) [s] -> (S, T, K, X, 5)."""
-    return of_motors(moves.motion, moves.start, moves.h, moves.samples, skews)
-
-
-def predict(moves: Moves, model: Model, shared: FloatArray, local: FloatArray) -> Course:
-    """Simulate sets of coordinates: shared (S, P), local (S, T, L), L = 2·X + the effects' nuisances.
-
-    Where the motors' motion was reconstructed, it answers to the force that a set makes: otherwise a fit would take
-    the error of its input for a change of the structure, and come nearer only from one reconstruction to the next.
-    """
-    values = model.complete(model.values(shared))
-    c = motor_coefficients(moves, np.stack([values[f"{a}.skew"] for a in model.axes], axis=1))
-    said = simulated(moves, model, shared, local, c)
-    if moves.reference is None:
-        return said
-    c += answered(np.nan_to_num(said.force() - moves.reference), moves.echoes, moves.h)
-    return simulated(moves, model, shared, local, c)
-
-
-def simulated(moves: Moves, model: Model, shared: FloatArray, local: FloatArray, c: FloatArray) -> Course:
-    """As `predict`, for a given motion of the motors c (S, T, K, X, 5), whose K may go beyond the moves' end."""
-    free = model.values(shared)
-    values = model.complete(free)
-    S, X = len(shared), len(model.axes)
-    load = np.empty((S, len(moves.grids), X, 2))
-    own = local[:, :, : 2 * X] + moves.loads
-    for x, name in enumerate(model.axes):
-        behind = 0.5 * moves.s * values[f"{name}.backlash"][:, None]
-        load[:, :, x, 0] = c[:, :, 0, x, 0] - behind + own[:, :, 2 * x] * REST_SPREAD[0]
-        load[:, :, x, 1] = c[:, :, 0, x, 1] + own[:, :, 2 * x + 1] * REST_SPREAD[1]
-    nuisance = np.empty((S, len(moves.grids), len(model.nuisance)))
-    begun = left_over(moves, model, values)
-    for k, p in enumerate(model.nuisance):
-        width = moves.swings.width if moves.swings and p.name in begun else 1.0
-        width = moves.apart if p.name == WANDER else width
-        nuisance[..., k] = p.value(width * local[..., 2 * X + k]) + begun.get(p.name, 0.0)
-    return course_of(model, free, c, moves.s, load, moves.h, nuisance, moves.start)
-
-
-def left_over(moves: Moves, model: Model, values: Values) -> dict[str, FloatArray]:
-    """What the moves before leave swinging at the beginning of each move, or is heard then: (S, T) by name, in their
-    units."""
-    out = {name: value[None] for name, value in moves.heard.items()}
-    if (swings := moves.swings) is not None:
-        for effect in model.effects:
-            if effect.states:
-                out.update(effect.swung(values, swings.released, swings.rest))
-    return out
-
-
-def residuals(moves: Moves, said: Course) -> FloatArray:
-    """(measured − predicted) of the samples used, over the standard deviation that is expected of it, and behind those
-    of each move what its motors say of the force: (S, N)."""
-    difference = (moves.measured - said.acceleration()) / moves.noise[:, None]
-    over = (
-        moves.wander.whitened(difference, moves.used)
-        if moves.white and moves.wander
-        else difference / moves.expected
-    )
-    if moves.lasting:
-        over = summed(np.where(moves.used, over, 0.0), np.exp(-moves.h / moves.lasting))
-    if not moves.motors:
-        return np.asarray(over[:, moves.used])
-    force, parts = said.force(), []
-    for t, own in enumerate(moves.motors):
-        parts += [over[:, t][:, moves.used[t]], *(rows.of(force[:, t, x]) for x, rows in enumerate(own))]
-    return np.concatenate(parts, axis=1)
-
-
-def misfits(moves: Moves, model: Model, shared: FloatArray, local: FloatArray) -> FloatArray:
-    """Residuals (S, N) of sets of coordinates, see `predict`, a few simulated at a time."""
-    parts = [slice(k, k + TOGETHER) for k in range(0, len(shared), TOGETHER)]
-    return np.concatenate(
-        [residuals(moves, predict(moves, model, shared[part], local[part])) for part in parts]
-    )
-
-
-def with_reconstructed_motion(
-    moves: Moves, model: Model, shared: FloatArray, force: FloatArray, follow: bool = True
-) -> Moves:
-    """The moves with the motor's motion between its samples by the model's force and the torque, eq. (1).
-
-    With `follow` that motion goes on following the force. Moves that were made alike have one motion.
-    """
-    values, lags = model.complete(model.values(shared[None])), model.lags(model.numbers(shared))
-    kept = 0.0 if moves.reference is None else KEPT
-    motions, echoes = [], []
-    for x, axis in enumerate(moves.axes):
-        skew = float(values[f"{axis}.skew"][0])
-        loads = [(grid.time + skew, force[t, x]) for t, grid in enumerate(moves.grids)]
-        before = [motion[x] for motion in moves.motion]
-        motion, balance = reconstructed(moves.recording, axis, loads, before, kept, lags[x])
-        motions.append(alike_on_one_course(moves, motion))
-        speed = moves.recording.traces[axis, "motor_speed"]
-        echoes.append(echoes_of(speed, loads, balance, 1.0 - kept, lags[x]) if follow else [])
-    return replace(
-        moves,
-        motion=tuple(zip(*motions, strict=True)),
-        echoes=tuple(zip(*echoes, strict=True)),
-        reference=force if follow else None,
-    )
-
-
-def alike_on_one_course(moves: Moves, motions: Sequence[PPoly]) -> list[PPoly]:
-    """The motions of one motor (T,), those of moves that were made alike on their mean course."""
-    out, of_index = list(motions), {grid.index: t for t, grid in enumerate(moves.grids)}
-    for group in moves.alike:
-        here = [of_index[index] for index in group if index in of_index]
-        if len(here) > 1:
-            starts = [moves.made[t].start for t in here]
-            for t, motion in zip(here, on_one_course([motions[t] for t in here], starts), strict=True):
-                out[t] = motion
-    return out
-
-
-def with_motors_asked(moves: Moves, model: Model, shared: FloatArray, force: FloatArray) -> Moves:
-    """The moves with the equations of motion of their motors as further residuals, over the noise with the force
-    (T, X, K + 1) of a fit; where no torque was recorded, or hardly a speed, as they are."""
-    recording, motors = moves.recording, []
-    lags = model.lags(model.numbers(shared))
-    values = model.complete(model.values(shared[None]))
-    for x, axis in enumerate(moves.axes):
-        torque = recording.trace(axis, "motor_torque")
-        if torque is None:
-            return moves
-        skew = float(values[f"{axis}.skew"][0])
-        loads = [(grid.time + skew, force[t, x]) for t, grid in enumerate(moves.grids)]
-        motions = [motion[x] for motion in moves.motion]
-        speed, ratio = recording.traces[axis, "motor_speed"], recording.axis(axis).transmission
-        noise = sample_noise(speed, recording), sample_noise(torque, recording)
-        rows = motor_rows(speed, torque, moves.noise_left[x], ratio, loads, motions, noise, lags[x])
-        if not rows:
-            return moves
-        motors.append(rows)
-    return replace(moves, motors=tuple(zip(*motors, strict=True)))
-
-
-def echoes_of(speed: Trace, loads: Sequence[Load], balance: Balance, share: float, lag: float) -> list[Echo]:
-    """The echo of every move; moves whose samples lie alike on the grid share one."""
-    known: dict[tuple[int, int], Echo] = {}
-    out = []
-    for load in loads:
-        part = window(speed, load)
-        where = (round((float(part.time[0]) - float(load[0][0])) * 1e7), len(part))
-        if where not in known:
-            known[where] = echo(speed, load, balance, share, lag=lag)
-        out.append(known[where])
-    return out

@@ -10,15 +10,12 @@ import numpy as np
 
 from service.backlash.expected_errors import expected_errors
 from service.backlash.moves import Moves
-from service.backlash.moves_fit import (
+from service.backlash.moves_fit import Fitted, fit
+from service.backlash.moves_point import Point, limits, resting
+from service.backlash.moves_refined import (
     CLOSE_PLACES,
-    Fitted,
-    Point,
     best_of_each,
-    fit,
-    limits,
     reconstructed,
-    resting,
     rests_found,
     rms_of_moves,
 )

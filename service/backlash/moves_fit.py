@@ -6,29 +6,33 @@ max(1, present misfit), so that the priors hold while the fit is still bad.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from service.backlash.model_fit_problem import DIFFERENCE
-from service.backlash.moves import (
-    REST_SPREAD,
-    Moves,
-    misfits,
-    predict,
-    with_motors_asked,
-    with_reconstructed_motion,
+from service.backlash.moves import Moves
+from service.backlash.moves_parts import unasked
+from service.backlash.moves_point import (
+    OWN_FAR,
+    Free,
+    Point,
+    Slopes,
+    every,
+    limits,
+    moved,
+    priors,
+    stopped,
+    width,
+    within,
 )
+from service.backlash.moves_predicted import misfits
 from service.dynamics.driven_model import Model
 from service.recording import FloatArray
 
-FAR, FAR_OF_AMOUNT = 5.0, 50.0
-"""How far a shared coordinate may go from its prior's centre: no chain is farther from the usual ones, but how much
-there is of an effect has no such limit (chosen: 25 m/s² of friction or weight)."""
 OVERFLOWN = 1e8
 LADDER = np.array([0.01, 0.1, 0.5, 2.0, 10.0, 1e3])
 """Dampings tried at once around the last good one."""
@@ -38,75 +42,6 @@ EACH_LADDER = np.array([0.01, 0.2, 1.0, 30.0])
 """The same around every move's last good one, where nothing else is fitted (chosen)."""
 STEPS_A_ROUND = 2
 """A round of a fit is a step of all coordinates and one of every move's own."""
-OWN_FAR = 20.0
-"""How far a coordinate of a move may go from its prior's centre."""
-REST_PLACES = (0.0, -0.05, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0, 1.05)
-"""Shares of the gap behind the driving flank at which the pinion may rest when a move begins."""
-CLOSE_PLACES = tuple(np.linspace(-0.05, 1.05, 45))
-"""The same, closer: a stiff contact that is met at the beginning of a move may swing on so far between two of the
-others that a fit which is begun there ends in another swing."""
-
-
-Free = NDArray[np.int64]
-"""Indices of the shared coordinates that are free."""
-
-
-@dataclass(frozen=True)
-class Point:
-    """shared : (P,); local : per recording (T, L), the coordinates of each move; in_vain : RMS of the fit from which
-    other valleys were looked for on the way here, and its shared coordinates (P,), if none was found."""
-
-    shared: FloatArray
-    local: tuple[FloatArray, ...]
-    in_vain: tuple[float, FloatArray] | None = None
-
-
-@dataclass(frozen=True)
-class Slopes:
-    """Derivative of residuals (N,), move after move: a move's own coordinates change its own residuals only.
-
-    Attributes
-    ----------
-    shared : (N, P) with respect to the free shared coordinates
-    own : (N, L) with respect to those of the residual's move
-    ends : (T + 1,) where the moves of all recordings begin and end
-    """
-
-    shared: FloatArray
-    own: FloatArray
-    ends: NDArray[np.int64]
-
-    def moves(self) -> Iterator[tuple[slice, slice]]:
-        """Rows and columns of every move."""
-        P, L = self.shared.shape[1], self.own.shape[1]
-        for t, (begin, end) in enumerate(pairwise(self.ends)):
-            yield slice(begin, end), slice(P + t * L, P + (t + 1) * L)
-
-    @property
-    def size(self) -> int:
-        """Coordinates, those of all moves with them."""
-        return int(self.shared.shape[1]) + (len(self.ends) - 1) * int(self.own.shape[1])
-
-    def dense(self) -> FloatArray:
-        """(N, size)."""
-        J = np.zeros((len(self.shared), self.size))
-        J[:, : self.shared.shape[1]] = self.shared
-        for rows, columns in self.moves():
-            J[rows, columns] = self.own[rows]
-        return J
-
-    def normal(self, r: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Products of the derivative with itself (size, size) and with residuals r (size,)."""
-        P = self.shared.shape[1]
-        H, g = np.zeros((self.size, self.size)), np.zeros(self.size)
-        H[:P, :P], g[:P] = self.shared.T @ self.shared, self.shared.T @ r
-        for rows, columns in self.moves():
-            shared, own = self.shared[rows], self.own[rows]
-            H[:P, columns] = shared.T @ own
-            H[columns, :P] = H[:P, columns].T
-            H[columns, columns] = own.T @ own
-            g[columns] = own.T @ r[rows]
-        return H, g
 
 
 @dataclass(frozen=True)
@@ -159,51 +94,6 @@ def values_at(found: Fitted) -> dict[str, float]:
     return found.model.numbers(found.at.shared)
 
 
-def width(model: Model) -> int:
-    """Coordinates of each move: position and speed of every load, and the effects' nuisances."""
-    return 2 * len(model.axes) + len(model.nuisance)
-
-
-def resting(moves: Sequence[Moves], model: Model) -> tuple[FloatArray, ...]:
-    """All moves beginning at the driving flank, all nuisances at their likeliest."""
-    return tuple(np.zeros((len(m.grids), width(model))) for m in moves)
-
-
-def every(model: Model) -> Free:
-    """All shared coordinates are free."""
-    return np.arange(len(model.parameters))
-
-
-def found_again(model: Model) -> Free:
-    """Those that are found again in every recording."""
-    return np.flatnonzero([p.found_again for p in model.parameters])
-
-
-def priors(at: Point, free: Free) -> FloatArray:
-    """Residuals of the priors."""
-    return np.concatenate([at.shared[free], *(local.ravel() for local in at.local)])
-
-
-def limits(model: Model) -> FloatArray:
-    """Least and greatest coordinate of every shared parameter, (P, 2): where its value ends, at most FAR, or as an
-    amount FAR_OF_AMOUNT."""
-    far = np.array([FAR_OF_AMOUNT if p.dose else FAR for p in model.parameters])[:, None]
-    return np.clip(model.scales.ends, -far, far)
-
-
-def within(model: Model, at: Point) -> Point:
-    """The point with every shared coordinate where its parameter has a value of its own."""
-    low, high = limits(model).T
-    return replace(at, shared=np.clip(at.shared, low, high))
-
-
-def stopped(model: Model, at: Point, free: Free, g: FloatArray) -> NDArray[np.bool_]:
-    """(F,) which free shared coordinates stand at a limit beyond which the gradient g would take them."""
-    low, high = limits(model)[free].T
-    here = at.shared[free]
-    return np.asarray(((here <= low) & (g[: len(free)] > 0.0)) | ((here >= high) & (g[: len(free)] < 0.0)))
-
-
 def jacobian(
     moves: Sequence[Moves], model: Model, at: Point, free: Free, known: FloatArray | None = None
 ) -> tuple[FloatArray, Slopes]:
@@ -230,16 +120,6 @@ def jacobian(
     J = np.where(np.abs(J) < OVERFLOWN, J, 0.0)
     shared, own_slopes = np.ascontiguousarray(J[:, :P]), np.ascontiguousarray(J[:, P:])
     return np.concatenate(rows), Slopes(shared, own_slopes, np.cumsum(counts))
-
-
-def moved(model: Model, at: Point, step: FloatArray, free: Free) -> Point:
-    """The point after a step of the free coordinates."""
-    shared, local, first = at.shared.copy(), [], len(free)
-    shared[free] = np.clip(shared[free] + step[: len(free)], *limits(model)[free].T)
-    for own in at.local:
-        local.append(np.clip(own + step[first : first + own.size].reshape(own.shape), -OWN_FAR, OWN_FAR))
-        first += own.size
-    return replace(at, shared=shared, local=tuple(local))
 
 
 def cost(at: Point, r: FloatArray, scale: float, free: Free) -> float:
@@ -406,115 +286,3 @@ def fitted(
     """What a fit ends with, by its residuals (N,) of samples and motors."""
     r = np.nan_to_num(r, nan=OVERFLOWN)
     return Fitted(model, tuple(map(unasked, moves)), at, r[of_samples], free, r[~of_samples])
-
-
-def unasked(moves: Moves) -> Moves:
-    """The moves without what their motors say."""
-    return replace(moves, motors=()) if moves.motors else moves
-
-
-def rests_found(
-    moves: Sequence[Moves], model: Model, at: Point, among: Sequence[float] = REST_PLACES
-) -> Point:
-    """The point with each move's resting place chosen among a few by its own samples."""
-    local = []
-    values = model.numbers(at.shared)
-    for part, own in zip((unasked(part) for part in moves), at.local, strict=True):
-        rests = [rest for effect in model.effects for rest in effect.rests(values)]
-        lying = [own, *(at_rest(own, model, rest) for rest in rests)]
-        tried = np.tile(np.stack(lying), (len(among), 1, 1))
-        places = np.repeat(among, len(lying))
-        sets = np.tile(at.shared, (len(tried), 1))
-        best_own = own.copy()
-        for x, axis in enumerate(model.axes):
-            gap = values[f"{axis}.backlash"]
-            tried[:, :, 2 * x] = part.s * (places * gap / REST_SPREAD[0])[:, None] - part.loads[:, 2 * x]
-            tried[:, :, 2 * x + 1] = -part.loads[:, 2 * x + 1]
-            with np.errstate(all="ignore"):
-                r = misfits(part, model, sets, tried)
-            squares = np.add.reduceat((r * part.expected[part.used]) ** 2, part.ends[:-1], axis=1)
-            best = np.argmin(np.nan_to_num(squares, nan=np.inf), axis=0)
-            best_own = tried[best, np.arange(len(best))]
-            tried[:] = best_own
-        local.append(best_own)
-    return replace(at, local=tuple(local))
-
-
-def at_rest(own: FloatArray, model: Model, rest: Mapping[str, float]) -> FloatArray:
-    """Coordinates of moves (T, L) with an effect's at what they are in a rest."""
-    out, first = own.copy(), 2 * len(model.axes)
-    for k, p in enumerate(model.nuisance):
-        if p.name in rest:
-            out[:, first + k] = p.internal(rest[p.name])
-    return out
-
-
-def best_of_each(fits: Sequence[Fitted]) -> Point:
-    """From fits of the same moves: every move's own coordinates from the fit that describes it best."""
-    local = []
-    for k, part in enumerate(fits[0].moves):
-        errors = [costs_of_moves(one, k) for one in fits]
-        best = np.argmin(np.nan_to_num(np.stack(errors), nan=np.inf), axis=0)
-        local.append(np.stack([one.at.local[k] for one in fits])[best, np.arange(len(part.grids))])
-    return replace(fits[0].at, local=tuple(local))
-
-
-def costs_of_moves(found: Fitted, k: int) -> FloatArray:
-    """Sum of squares of every move of recording k, with its priors: (T,)."""
-    return np.asarray(squares_of_moves(found, k) + np.sum(found.at.local[k] ** 2, axis=1))
-
-
-def squares_of_moves(found: Fitted, k: int) -> FloatArray:
-    """Sum of squares of every move of recording k: (T,)."""
-    sizes = [int(np.sum(part.used)) for part in found.moves]
-    first = sum(sizes[:k])
-    move_of = np.nonzero(found.moves[k].used)[0]
-    squares = found.r[first : first + sizes[k]] ** 2
-    return np.asarray(np.bincount(move_of, squares, len(found.moves[k].grids)), dtype=np.float64)
-
-
-def rms_of_moves(found: Fitted) -> FloatArray:
-    """RMS of every move, recording after recording."""
-    squares = [squares_of_moves(found, k) for k in range(len(found.moves))]
-    counts = [np.sum(part.used, axis=(1, 2)) for part in found.moves]
-    return np.asarray(np.sqrt(np.concatenate(squares) / np.maximum(np.concatenate(counts), 1)))
-
-
-def as_alike_moves(found: Fitted) -> Point:
-    """Every move begun like the best described one of its direction."""
-    local = (zeros_alike([part], found, k)[0] for k, part in enumerate(found.moves))
-    return Point(found.at.shared, tuple(local))
-
-
-def zeros_alike(moves: Sequence[Moves], found: Fitted, k: int = 0) -> tuple[FloatArray, ...]:
-    """The zeros of moves, begun like the best described one of their direction in recording `k` of a fit, at rest
-    where that has none: moves of one direction begin much alike."""
-    of, own, errors = found.moves[k].s, found.at.local[k], costs_of_moves(found, k)
-    best = {s: own[np.flatnonzero(of == s)[np.argmin(errors[of == s])]] for s in np.unique(of)}
-    return tuple(np.stack([best.get(s, np.zeros(own.shape[1])) for s in part.s]) for part in moves)
-
-
-def reconstructed(found: Fitted, follow: bool = True, asked: bool = False) -> tuple[Moves, ...]:
-    """The moves with the motor's motion reconstructed from the fit; with `follow` it goes on following the force. No
-    motor follows a fit that ran away. With `asked` the motors' equations of motion are residuals, too, over the
-    noise."""
-    out = []
-    for part, local in zip(found.moves, found.at.local, strict=True):
-        force = predict(part, found.model, found.at.shared[None], local[None]).force()[0]
-        sound = bool(np.all(np.isfinite(force)))
-        at = found.at.shared
-        now = with_reconstructed_motion(part, found.model, at, force, follow) if sound else part
-        out.append(with_motors_asked(now, found.model, at, force) if sound and asked else now)
-    return tuple(out)
-
-
-def hearing_motors(found: Fitted) -> tuple[Moves, ...]:
-    """The moves with the motors' motion reconstructed from the fit, their equations of motion as residuals over the
-    noise, or over what the fit leaves of them where that is more: a motor that cogs says less."""
-    moves = reconstructed(found, asked=True)
-    motors = fit(moves, found.model, found.at, 0).motors
-    left = max(1.0, float(np.sqrt(np.mean(motors**2)))) if len(motors) else 1.0
-    return tuple(
-        replace(part, motors=tuple(tuple(rows.over(left) for rows in move) for move in part.motors))
-        for part in moves
-    )

@@ -10,7 +10,8 @@ import numpy as np
 from service.dynamics.driven_model import DrivenEffect
 from service.dynamics.effects.driven_library import DRIVEN
 from service.dynamics.effects.driven_sensors import DrivenBias
-from service.identification.axis_verdict import LEFT_BY_ONE, SMALL, finding_of, verdict
+from service.identification.axis_common import LEFT_BY_ONE
+from service.identification.axis_verdict import SMALL, finding_of, verdict
 from service.identification.explanation import Accepted, AxisExplanation, Candidate
 from service.identification.given_effects import as_accepted, names_of, with_effects_of
 from service.identification.held_out import DESCRIBED, SEARCHED, Explained, overdamped, trial_of

@@ -12,8 +12,12 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import PPoly
 
-from service.backlash.moves import Moves, misfits, some_of
-from service.backlash.moves_fit import Point, fit, resting, rests_found
+from service.backlash.moves import Moves
+from service.backlash.moves_fit import fit
+from service.backlash.moves_parts import some_of
+from service.backlash.moves_point import Point, resting
+from service.backlash.moves_predicted import misfits
+from service.backlash.moves_refined import rests_found
 from service.dynamics.driven_model import Model
 from service.recording import FloatArray
 

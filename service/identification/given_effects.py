@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from service.backlash.moves_begun import Values, point_at, resettled
-from service.backlash.moves_fit import fit, found_again, values_at
+from service.backlash.moves_fit import fit, values_at
+from service.backlash.moves_point import found_again
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_library import DRIVEN
 from service.identification.explanation import Accepted

@@ -11,20 +11,16 @@ from typing import NamedTuple
 import numpy as np
 
 from service.backlash.expected_errors import expected_errors
-from service.backlash.moves import Moves, early_part, predict
-from service.backlash.moves_fit import (
+from service.backlash.moves import Moves
+from service.backlash.moves_fit import Fitted, fit, jacobian
+from service.backlash.moves_parts import early_part
+from service.backlash.moves_point import Free, Point, every, found_again, resting
+from service.backlash.moves_predicted import predict
+from service.backlash.moves_refined import (
     CLOSE_PLACES,
-    Fitted,
-    Free,
-    Point,
     as_alike_moves,
     best_of_each,
-    every,
-    fit,
-    found_again,
-    jacobian,
     reconstructed,
-    resting,
     rests_found,
     rms_of_moves,
     zeros_alike,

@@ -7,16 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from service.backlash.moves_begun import point_at, shared_at
-from service.backlash.moves_fit import (
-    CLOSE_PLACES,
-    Fitted,
-    Point,
-    best_of_each,
-    fit,
-    reconstructed,
-    rests_found,
-    values_at,
-)
+from service.backlash.moves_fit import Fitted, fit, values_at
+from service.backlash.moves_point import Point
+from service.backlash.moves_refined import CLOSE_PLACES, best_of_each, reconstructed, rests_found
 from service.identification.moves_end import HOWEVER_FAR, settled, with_own_errors
 from service.identification.moves_looks import ENDED, GLIMPSE, Brief, noted, standing
 from service.identification.moves_starts import (

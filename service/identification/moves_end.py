@@ -9,17 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from service.backlash.moves import some_of
 from service.backlash.moves_begun import Values, begun_anew, expecting_its_own, point_at, shared_at
-from service.backlash.moves_fit import (
-    Fitted,
-    Point,
-    fit,
-    hearing_motors,
-    reconstructed,
-    values_at,
-    zeros_alike,
-)
+from service.backlash.moves_fit import Fitted, fit, values_at
+from service.backlash.moves_parts import some_of
+from service.backlash.moves_point import Point
+from service.backlash.moves_refined import hearing_motors, reconstructed, zeros_alike
 from service.dynamics.driven_model import LINKS
 from service.identification.axis_numbers import covariance
 from service.identification.held_out import DESCRIBED, NEAR, TOLD, Explained, overdamped, trial_of

@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from service.backlash.moves_begun import point_at
-from service.backlash.moves_fit import Fitted, Free, fit
+from service.backlash.moves_fit import Fitted, fit
+from service.backlash.moves_point import Free
 from service.identification.moves_rests import begun_as_left
 from service.identification.moves_starts import (
     ROUNDS,

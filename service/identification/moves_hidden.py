@@ -18,7 +18,9 @@ import numpy as np
 
 from service.backlash.moves import Moves
 from service.backlash.moves_begun import Values
-from service.backlash.moves_fit import Fitted, Point, fit, reconstructed, values_at
+from service.backlash.moves_fit import Fitted, fit, values_at
+from service.backlash.moves_point import Point
+from service.backlash.moves_refined import reconstructed
 from service.dynamics.driven_model import DrivenEffect
 from service.identification.explanation import Candidate
 from service.identification.held_out import DESCRIBED, Explained, trial_of

@@ -13,7 +13,8 @@ import numpy as np
 
 from service.backlash.moves import Moves
 from service.backlash.moves_begun import Values, point_at
-from service.backlash.moves_fit import Fitted, fit, values_at, zeros_alike
+from service.backlash.moves_fit import Fitted, fit, values_at
+from service.backlash.moves_refined import zeros_alike
 from service.dynamics.driven_model import Model
 from service.identification.held_out import DESCRIBED, NEAR, overdamped
 from service.identification.moves_starts import (

@@ -15,17 +15,13 @@ from itertools import product
 
 import numpy as np
 
-from service.backlash.moves import (
-    REST_SPREAD,
-    TOGETHER,
-    Moves,
-    Swings,
-    early_part,
-    misfits,
-    predict,
-    with_motors_asked,
-)
-from service.backlash.moves_fit import Fitted, Point, at_rest, fit, reconstructed, settle_locally
+from service.backlash.moves import Moves, Swings
+from service.backlash.moves_fit import Fitted, fit, settle_locally
+from service.backlash.moves_motion import with_motors_asked
+from service.backlash.moves_parts import early_part
+from service.backlash.moves_point import Point
+from service.backlash.moves_predicted import REST_SPREAD, TOGETHER, misfits, predict
+from service.backlash.moves_refined import at_rest, reconstructed
 from service.dynamics.driven_model import Model
 from service.dynamics.driven_parameters import Parameter
 from service.identification.moves_rests import Rests, through_rests

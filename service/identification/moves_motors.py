@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from service.backlash.motor_rows import OWN, MotorRows
-from service.backlash.moves import predict
-from service.backlash.moves_fit import Fitted, reconstructed
+from service.backlash.moves_fit import Fitted
+from service.backlash.moves_predicted import predict
+from service.backlash.moves_refined import reconstructed
 from service.identification.held_out import SEARCHED, Explained
 from service.identification.selection import Trial
 from service.recording import FloatArray

@@ -15,8 +15,9 @@ from typing import NamedTuple
 import numpy as np
 
 from service.backlash.alike_moves import ALIKE, alike, groups
-from service.backlash.moves import Moves, predict
+from service.backlash.moves import Moves
 from service.backlash.moves_fit import Fitted
+from service.backlash.moves_predicted import predict
 from service.identification.selection import LEFT, PART, gone
 from service.recording import FloatArray
 

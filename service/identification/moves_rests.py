@@ -14,8 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from service.backlash.moves import REST_SPREAD, Moves, Swings, left_over, simulated
-from service.backlash.moves_fit import Fitted, Point, fit
+from service.backlash.moves import Moves, Swings
+from service.backlash.moves_fit import Fitted, fit
+from service.backlash.moves_point import Point
+from service.backlash.moves_predicted import REST_SPREAD, left_over, simulated
 from service.dynamics.driven import Course, wider
 from service.dynamics.driven_model import Model
 from service.dynamics.driven_motion import of_motors

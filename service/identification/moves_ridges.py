@@ -16,7 +16,8 @@ import numpy as np
 
 from service.backlash.moves import Moves
 from service.backlash.moves_begun import Values, point_at, shared_at
-from service.backlash.moves_fit import Fitted, Point, fit, limits, values_at
+from service.backlash.moves_fit import Fitted, fit, values_at
+from service.backlash.moves_point import Point, limits
 from service.dynamics.driven_model import LINKS, Model
 from service.identification.held_out import overdamped
 from service.identification.moves_looks import FROM_AFAR

@@ -9,7 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from service.backlash.moves_fit import Fitted, Point, fit, values_at, width
+from service.backlash.moves_fit import Fitted, fit, values_at
+from service.backlash.moves_point import Point, width
 from service.dynamics.driven_model import DrivenEffect
 from service.identification.held_out import DESCRIBED, Explained, trial_of
 from service.identification.moves_carried import (

@@ -18,9 +18,13 @@ import numpy as np
 
 from service.backlash.alike_moves import alike
 from service.backlash.model_fit_problem import DIFFERENCE
-from service.backlash.moves import Moves, few_of, predict, residuals, some_of
+from service.backlash.moves import Moves
 from service.backlash.moves_begun import Values, point_at
-from service.backlash.moves_fit import Fitted, Free, Point, best_of_each, fit, values_at, width
+from service.backlash.moves_fit import Fitted, fit, values_at
+from service.backlash.moves_parts import few_of, some_of
+from service.backlash.moves_point import Free, Point, width
+from service.backlash.moves_predicted import predict, residuals
+from service.backlash.moves_refined import best_of_each
 from service.dynamics.driven_model import LINKS, DrivenEffect, Model
 from service.dynamics.driven_parameters import LINK_PARAMETERS
 from service.identification.held_out import DESCRIBED, NEAR

@@ -13,9 +13,12 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
-from service.backlash.moves import REST_SPREAD, Moves, misfits
+from service.backlash.moves import Moves
 from service.backlash.moves_begun import Values, shared_at
-from service.backlash.moves_fit import Fitted, Point, at_rest, fit, values_at
+from service.backlash.moves_fit import Fitted, fit, values_at
+from service.backlash.moves_point import Point
+from service.backlash.moves_predicted import REST_SPREAD, misfits
+from service.backlash.moves_refined import at_rest
 from service.dynamics.driven_model import Model
 from service.identification.moves_lying import (
     axis_of,

@@ -17,12 +17,8 @@ from service.backlash.model_fit_stages import Staged, staged_fit
 from service.backlash.model_fit_start import closed_form
 from service.backlash.moves import TAIL, Moves, moves_of
 from service.backlash.moves_begun import Values, begun_anew, point_at, resettled, with_expected_errors
-from service.backlash.moves_fit import (
-    Fitted,
-    fit,
-    reconstructed,
-    values_at,
-)
+from service.backlash.moves_fit import Fitted, fit, values_at
+from service.backlash.moves_refined import reconstructed
 from service.backlash.plausibility import clipped
 from service.dynamics.driven_effect import Case
 from service.dynamics.driven_model import LINKS, DrivenEffect, Model

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline, PPoly
 
-from service.backlash.moves import moves_of, predict
+from service.backlash.moves import moves_of
+from service.backlash.moves_predicted import predict
 from service.backlash.set_points import motors_of, stood
 from service.captures import read_capture
 from service.dynamics.driven_model import Model

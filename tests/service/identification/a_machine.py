@@ -4,8 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from service.backlash.moves import Moves, left_over, predict
-from service.backlash.moves_fit import Fitted, Point, fit
+from service.backlash.moves import Moves
+from service.backlash.moves_fit import Fitted, fit
+from service.backlash.moves_point import Point
+from service.backlash.moves_predicted import left_over, predict
 from service.dynamics.driven_model import Model
 from service.identification.moves_rests import KNOWN, swinging_on
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from service.backlash.moves import moves_of
@@ -13,7 +14,7 @@ from service.backlash.moves_begun import point_at
 from service.backlash.moves_fit import Fitted, fit
 from service.captures import read_capture
 from service.dynamics.driven_model import Model
-from service.identification import moves_finals, moves_looks
+from service.identification import axis_verdict, moves_finals, moves_looks, moves_motors
 from service.identification.scene import ChannelTolerance, as_effects, estimator_alone
 from service.recording import Recording
 
@@ -46,3 +47,10 @@ def no_torque(monkeypatch: pytest.MonkeyPatch) -> None:
     """No torque was recorded, so the motors speak against nothing, and no law is refined, unless a test says what."""
     monkeypatch.setattr(moves_finals, "plainly_against", lambda _present, _trial: False)
     monkeypatch.setattr(moves_finals, "in_full", lambda fitted: fitted)
+
+
+@pytest.fixture
+def silent_motors(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No torque was recorded, so the motors say nothing, unless a test says what."""
+    for module in (axis_verdict, moves_motors):
+        monkeypatch.setattr(module, "left_by_motors", lambda _fitted: np.zeros(1))

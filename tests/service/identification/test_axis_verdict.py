@@ -4,26 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
 
-from service.identification import axis_verdict, moves_motors
-from service.identification.selection import Selection, Trial
+from service.identification import axis_common, axis_verdict, moves_motors
+from service.identification.selection import Selection
+from tests.service.identification.a_selection import numbers, trial
 
-
-def trial(train: float, held_out: float) -> Trial[Any]:
-    model = SimpleNamespace(axes=("X1",), parameters=(), of_axis=())
-    fitted = SimpleNamespace(model=model, at=SimpleNamespace(shared=()))
-    return Trial(SimpleNamespace(fitted=fitted), train, held_out, np.ones(5), np.zeros(0), 100.0)
-
-
-@pytest.fixture(autouse=True)
-def no_torque(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No torque was recorded, so the motors say nothing, unless a test says what."""
-    for module in (axis_verdict, moves_motors):
-        monkeypatch.setattr(module, "left_by_motors", lambda _fitted: np.zeros(1))
+pytestmark = pytest.mark.usefixtures("silent_motors")
 
 
 @pytest.mark.parametrize(
@@ -59,7 +48,7 @@ def test_effects_are_named_when_they_leave_next_to_nothing(
 ) -> None:
     values = iter([(50e-6, 1e-7), (40e-6, 1e-7)])
     monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: next(values))
-    monkeypatch.setattr(axis_verdict, "deviations", numbers)
+    monkeypatch.setattr(axis_common, "deviations", numbers)
     selection = Selection(trial(*before), trial(*after), effects, (), ())
     found, named = axis_verdict.finding_of(selection)
     assert (found, named) == (finding, effects if finding == "effect" else ())
@@ -205,7 +194,7 @@ def test_an_impurity_that_moves_the_backlash_by_next_to_nothing_is_none(
 ) -> None:
     values = iter([(50.0e-6, 1e-7), (50.3e-6, 1e-7)])
     monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: next(values))
-    monkeypatch.setattr(axis_verdict, "deviations", numbers)
+    monkeypatch.setattr(axis_common, "deviations", numbers)
     selection = Selection(trial(1.4, 2.5), trial(1.0, 1.1), ("transmission_ripple",), (), ())
     assert axis_verdict.finding_of(selection) == ("none", ())
 
@@ -240,7 +229,7 @@ def test_what_no_fitted_sample_shows_is_a_finding_if_the_motors_contradict_the_m
     motors = {id(without.model.fitted): before, id(with_it.model.fitted): after}
     monkeypatch.setattr(axis_verdict, "left_by_motors", lambda fitted: np.array([0.2, motors[id(fitted)]]))
     monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: (50e-6, 1e-7))
-    monkeypatch.setattr(axis_verdict, "deviations", numbers)
+    monkeypatch.setattr(axis_common, "deviations", numbers)
     assert axis_verdict.finding_of(Selection(without, with_it, (name,), (), ()))[0] == found
 
 
@@ -261,7 +250,7 @@ def test_what_shows_at_another_speed_only_is_a_finding_if_nothing_else_explains_
     """A planted curve left 1.03 in the train moves and 1.79 in the others; ripples and cogging, which leave as much,
     are explained by half or more by two or three effects."""
     monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: (50e-6, 1e-7))
-    monkeypatch.setattr(axis_verdict, "deviations", numbers)
+    monkeypatch.setattr(axis_common, "deviations", numbers)
     tried = (trial(1.0, left), trial(1.02, other))
     for one, of in zip(tried, (name, "stribeck_friction"), strict=True):
         one.model.fitted.model.effects = (SimpleNamespace(name=of),)
@@ -297,121 +286,11 @@ def test_what_was_seen_at_rest_and_describes_what_was_fitted_needs_no_well_known
     assert axis_verdict.finding_of(selection, seen)[0] == found
 
 
-@pytest.mark.parametrize(
-    ("name", "rms", "found"),
-    [
-        ("transmission_ripple", 0.98, "none"),
-        ("transmission_ripple", 1.1, "effect"),
-        ("stribeck_friction", 0.98, "effect"),
-    ],
-)
-def test_what_a_mesh_explains_as_well_is_no_finding_where_the_backlash_stays(
-    monkeypatch: pytest.MonkeyPatch, name: str, rms: float, found: str
-) -> None:
-    """An error of the mesh at two places looked like a friction that differs by direction."""
-    monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: (30e-6, 1e-7))
-    monkeypatch.setattr(axis_verdict, "deviations", lambda _fitted: {})
-    other = trial(rms, rms)
-    other.model.fitted.model.effects = (SimpleNamespace(name=name),)
-    selection = Selection(trial(1.4, 1.9), trial(1.0, 1.03), ("asymmetric_friction",), (), (), tried=(other,))
-    assert axis_verdict.finding_of(selection)[0] == found
-
-
-@pytest.mark.parametrize(
-    ("name", "other", "rms", "train", "found"),
-    [
-        ("gearbox_clearance", "transmission_ripple", 1.14, 1.0, "none"),
-        ("gearbox_clearance", "transmission_ripple", 1.4, 1.0, "effect"),
-        ("gearbox_clearance", "sensor_gain", 1.14, 1.0, "effect"),
-        ("gearbox_clearance", "transmission_ripple", 1.14, 2.0, "effect"),
-        ("preload_flank", "transmission_ripple", 1.14, 1.0, "effect"),
-    ],
-)
-def test_a_second_gap_is_no_finding_where_what_every_machine_has_suffices(
-    monkeypatch: pytest.MonkeyPatch, name: str, other: str, rms: float, train: float, found: str
-) -> None:
-    """A mesh error that showed in the moves that were not fitted was called a second gap, and its backlash with it was
-    28 um off: a law with many valleys imitates much."""
-    monkeypatch.setattr(axis_verdict, "deviations", lambda _fitted: {})
-    mesh, split = trial(1.0, rms), trial(0.98, 1.04)
-    of_split = split.model.fitted
-    monkeypatch.setattr(
-        axis_verdict, "backlash_of", lambda fitted, _: (121e-6 if fitted is of_split else 149e-6, 1e-7)
-    )
-    mesh.model.fitted.model.effects = (SimpleNamespace(name=other),)
-    selection = Selection(trial(train, 1.95), split, (name,), (), (), tried=(mesh,))
-    assert axis_verdict.finding_of(selection)[0] == found
-
-
 def test_a_residual_that_is_named_by_nothing_is_no_impurity(monkeypatch: pytest.MonkeyPatch) -> None:
     """What moves the backlash by next to nothing has to explain what is missing."""
     monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: (50e-6, 1e-7))
     selection = Selection(trial(1.5, 2.0), trial(1.4, 1.5), ("sensor_gain",), (), ())
     assert axis_verdict.finding_of(selection) == ("unknown", ())
-
-
-@pytest.mark.parametrize(
-    ("name", "before", "after", "found"),
-    [
-        ("transmission_ripple", 8.0, 1.5, "none"),
-        ("transmission_ripple", 3.9, 1.1, "none"),
-        ("transmission_ripple", 8.0, 1.1, "effect"),
-        ("sensor_gain", 8.0, 1.5, "effect"),
-    ],
-)
-def test_what_every_rack_has_is_a_finding_only_where_it_matters_or_is_everything(
-    monkeypatch: pytest.MonkeyPatch, name: str, before: float, after: float, found: str
-) -> None:
-    values = iter([(50.0e-6, 1e-7), (50.3e-6, 1e-7)])
-    monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: next(values))
-    monkeypatch.setattr(axis_verdict, "deviations", numbers)
-    selection = Selection(trial(3.0, before), trial(after, after), (name,), (), ())
-    assert axis_verdict.finding_of(selection)[0] == found
-
-
-@pytest.mark.parametrize(
-    ("before", "after", "found"),
-    [
-        ((4.4, 4.0), (1.5, 1.5), "none"),
-        ((4.4, 4.0), (3.0, 3.0), "unknown"),
-        ((2.1, 3.4), (1.1, 2.0), "none"),
-        ((2.1, 3.4), (1.1, 2.8), "unknown"),
-        ((9.0, 25.2), (2.0, 3.5), "none"),
-        ((9.0, 25.2), (4.2, 7.6), "unknown"),
-    ],
-)
-def test_what_every_rack_has_is_no_explanation_of_what_it_leaves(
-    monkeypatch: pytest.MonkeyPatch, before: tuple[float, float], after: tuple[float, float], found: str
-) -> None:
-    """A mesh error that takes a third from a residual of three and more is not all that acts; nor is what describes a
-    guide that warms up in the moves that were fitted and leaves most of it in the others; nor what takes nine tenths of
-    what a load leaves that is taken off between the recordings."""
-    monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: (50e-6, 1e-7))
-    monkeypatch.setattr(axis_verdict, "deviations", numbers)
-    selection = Selection(trial(*before), trial(*after), ("transmission_ripple",), (), ())
-    assert axis_verdict.finding_of(selection)[0] == found
-
-
-@pytest.mark.parametrize(
-    ("amplitude", "period", "held_out", "found"),
-    [
-        (3.1e-6, 6.3e-3, 8.0, "none"),
-        (6.5e-6, 6.3e-3, 8.0, "none"),
-        (6.8e-6, 6.3e-3, 8.0, "effect"),
-        (3.1e-6, 2.9e-3, 8.0, "none"),
-        (1.1e-6, 1.4e-3, 8.0, "effect"),
-        (1.1e-6, 1.4e-3, 3.0, "none"),
-    ],
-)
-def test_a_thousandth_of_the_pitch_that_leaves_the_backlash_alone_is_of_the_mesh_unless_quicker_than_teeth(
-    monkeypatch: pytest.MonkeyPatch, amplitude: float, period: float, held_out: float, found: str
-) -> None:
-    """A rack's teeth are 3.14 mm apart and more; 2.9 ± 0.1 mm may be theirs."""
-    ripple = {"X1.ripple_amplitude": (amplitude, 2e-7), "X1.ripple_period": (period, 1e-4)}
-    monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: (50e-6, 1e-7))
-    monkeypatch.setattr(axis_verdict, "deviations", lambda _fitted: ripple)
-    selection = Selection(trial(3.0, held_out), trial(1.0, 1.1), ("transmission_ripple",), (), ())
-    assert axis_verdict.finding_of(selection)[0] == found
 
 
 @pytest.mark.parametrize(
@@ -431,7 +310,7 @@ def test_what_is_in_no_sound_machine_and_explains_what_shows_in_all_moves_is_a_f
     """Also where it does not change the backlash; what shows in the held-out moves only may be numbers, and what
     explains half of it a part of something else."""
     monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: (50e-6, 1e-7))
-    monkeypatch.setattr(axis_verdict, "deviations", numbers)
+    monkeypatch.setattr(axis_common, "deviations", numbers)
     selection = Selection(trial(train, 1.5), trial(1.0, after), (name,), (), ())
     assert axis_verdict.finding_of(selection)[0] == found
 
@@ -442,59 +321,8 @@ def test_a_law_that_differs_a_little_is_named_where_much_is_missing_and_what_was
 ) -> None:
     """Flanks that were damped otherwise where they are pressed hard left 1.65 of 3.9 in moves with more jerk."""
     monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: (30e-6, 1e-7))
-    monkeypatch.setattr(axis_verdict, "deviations", lambda _f: {"X1.bend": (0.76, 0.02)})
+    monkeypatch.setattr(axis_common, "deviations", lambda _f: {"X1.bend": (0.76, 0.02)})
     selection = Selection(trial(1.26, 3.89), trial(train, 1.65), ("contact_nonlinearity",), (), ())
-    assert axis_verdict.finding_of(selection)[0] == found
-
-
-@pytest.mark.parametrize(
-    ("bend", "std", "found"), [(0.5, 0.05, "effect"), (0.5, 0.2, "none"), (0.12, 0.01, "none")]
-)
-def test_flanks_that_stiffen_more_than_steel_does_are_a_finding(
-    monkeypatch: pytest.MonkeyPatch, bend: float, std: float, found: str
-) -> None:
-    """Where the number is known well enough to say so; the backlash need not change."""
-    monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: (50e-6, 1e-7))
-    monkeypatch.setattr(axis_verdict, "deviations", lambda _f: {"X1.bend": (bend, std)})
-    selection = Selection(trial(1.4, 1.7), trial(1.0, 1.02), ("contact_nonlinearity",), (), ())
-    assert axis_verdict.finding_of(selection)[0] == found
-
-
-@pytest.mark.parametrize(
-    ("held_out", "ratio", "std", "found"),
-    [
-        (2.2, 0.007, 0.001, "none"),
-        (2.2, 0.03, 0.01, "none"),
-        (2.2, 0.08, 0.01, "effect"),
-        (5.0, 0.007, 0.001, "effect"),
-    ],
-)
-def test_a_hose_that_swings_on_the_carriage_is_a_finding_only_where_it_is_everything(
-    monkeypatch: pytest.MonkeyPatch, held_out: float, ratio: float, std: float, found: str
-) -> None:
-    """Cogging of a sound machine was described by a mass of a hundred and fiftieth of the load, in its rhythm."""
-    monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: (50e-6, 1e-7))
-    monkeypatch.setattr(axis_verdict, "deviations", lambda _f: {"X1.hung_ratio": (ratio, std)})
-    selection = Selection(trial(1.2, held_out), trial(0.87, 0.88), ("hung_mass_mode",), (), ())
-    assert axis_verdict.finding_of(selection)[0] == found
-
-
-@pytest.mark.parametrize(
-    ("pull", "change", "found"),
-    [(0.014, 0.1e-6, "none"), (-0.014, 0.1e-6, "none"), (0.05, 0.1e-6, "effect"), (0.014, 3.5e-6, "effect")],
-)
-def test_the_slope_of_a_level_bed_is_a_finding_only_where_the_backlash_changes(
-    monkeypatch: pytest.MonkeyPatch, pull: float, change: float, found: str
-) -> None:
-    """By twice what matters, 2 %: impurities of a sound machine looked like a bed that falls by 1.4 mm in a metre."""
-    values = {"before": (75e-6, 1e-7), "after": (75e-6 - change, 1e-7)}
-    monkeypatch.setattr(axis_verdict, "backlash_of", lambda fitted, _axis: values[fitted.when])
-    monkeypatch.setattr(axis_verdict, "deviations", lambda _f: {"X1.constant_force": (pull, 0.001)})
-    before, after = trial(1.49, 1.83), trial(1.1, 1.2)
-    for when, one in (("before", before), ("after", after)):
-        one.model.fitted.when = when
-    selection = Selection(before, after, ("constant_force",), (), (), tried=(after,))
-    after.model.fitted.model.effects = (SimpleNamespace(name="constant_force"),)
     assert axis_verdict.finding_of(selection)[0] == found
 
 
@@ -513,18 +341,11 @@ def test_flanks_as_sound_ones_are_a_finding_only_where_the_backlash_clearly_chan
     """Planted in a sound machine, a bend of 0.039 was found as 0.036, and the backlash 1.2 um nearer."""
     values = {"before": (30e-6, 1e-7), "after": (30e-6 - change, 1e-7)}
     monkeypatch.setattr(axis_verdict, "backlash_of", lambda fitted, _axis: values[fitted.when])
-    monkeypatch.setattr(axis_verdict, "deviations", lambda _f: numbers(_f) | {"X1.bend": (bend, 0.001)})
+    monkeypatch.setattr(axis_common, "deviations", lambda _f: numbers(_f) | {"X1.bend": (bend, 0.001)})
     before, after = trial(1.1, 1.45), trial(1.0, 1.02)
     for when, one in (("before", before), ("after", after)):
         one.model.fitted.when = when
     assert axis_verdict.finding_of(Selection(before, after, (name,), (), ()))[0] == found
-
-
-def numbers(_fitted: object) -> dict[str, tuple[float, float]]:
-    """Of a sound machine, but for a mesh error of more than a thousandth of the pitch, and for what swings."""
-    swing = {"X1.hung_ratio": (0.1, 0.01), "body_ratio": (0.1, 0.01)}
-    mesh = {"X1.ripple_amplitude": (5e-6, 1e-7), "X1.ripple_period": (4e-3, 1e-4)}
-    return {"X1.bend": (0.1, 0.01), **mesh, **swing}
 
 
 @pytest.mark.parametrize(
@@ -555,7 +376,7 @@ def test_what_alone_describes_the_moves_that_were_fitted_is_named_if_it_predicts
     monkeypatch: pytest.MonkeyPatch, other: float, held_out: float, found: str
 ) -> None:
     monkeypatch.setattr(axis_verdict, "backlash_of", lambda *_: (130e-6, 1e-7))
-    monkeypatch.setattr(axis_verdict, "deviations", numbers)
+    monkeypatch.setattr(axis_common, "deviations", numbers)
     tried = []
     for name, train in (("curved_friction", 1.02), ("sensor_gain", other)):
         one = trial(train, held_out)

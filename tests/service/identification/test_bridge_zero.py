@@ -7,9 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from service.backlash.moves import Moves, moves_of, some_of
+from service.backlash.moves import Moves, moves_of
 from service.backlash.moves_begun import point_at
-from service.backlash.moves_fit import Fitted, Point, fit, resting, rests_found, values_at
+from service.backlash.moves_fit import Fitted, fit, values_at
+from service.backlash.moves_parts import some_of
+from service.backlash.moves_point import Point, resting
+from service.backlash.moves_refined import rests_found
 from service.captures import read_capture
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_bodies import DrivenGantryCoupling

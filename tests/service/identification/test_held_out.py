@@ -9,9 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from service.backlash.moves import REST_SPREAD, Moves, early_part, moves_of, predict
+from service.backlash.moves import Moves, moves_of
 from service.backlash.moves_begun import shared_at
-from service.backlash.moves_fit import Fitted, Point, fit, reconstructed, resting, rests_found
+from service.backlash.moves_fit import Fitted, fit
+from service.backlash.moves_parts import early_part
+from service.backlash.moves_point import Point, resting
+from service.backlash.moves_predicted import REST_SPREAD, predict
+from service.backlash.moves_refined import reconstructed, rests_found
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_bodies import DrivenMachineBody
 from service.dynamics.effects.driven_sensors import DrivenBias

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from service.backlash.moves import moves_of
-from service.backlash.moves_fit import Point, fit, values_at
+from service.backlash.moves_fit import fit, values_at
+from service.backlash.moves_point import Point
 from service.captures import read_capture
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_library import DRIVEN

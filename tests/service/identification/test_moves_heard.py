@@ -9,7 +9,8 @@ import pytest
 
 from service.backlash.moves import Moves, moves_of
 from service.backlash.moves_begun import point_at, shared_at
-from service.backlash.moves_fit import Fitted, Point, fit, resting
+from service.backlash.moves_fit import Fitted, fit
+from service.backlash.moves_point import Point, resting
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_bodies import DrivenHungMass, DrivenMachineBody
 from service.dynamics.effects.driven_sensors import DrivenLatency

@@ -9,7 +9,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from service.backlash.moves_fit import Point
+from service.backlash.moves_point import Point
 from service.dynamics.effects.driven_library import DRIVEN
 from service.identification import moves_hidden
 from service.identification.axis_explain import HIDDEN

@@ -7,9 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from service.backlash.moves import Moves, moves_of, predict, some_of
+from service.backlash.moves import Moves, moves_of
 from service.backlash.moves_begun import point_at, shared_at
-from service.backlash.moves_fit import Fitted, Point, every
+from service.backlash.moves_fit import Fitted
+from service.backlash.moves_parts import some_of
+from service.backlash.moves_point import Point, every
+from service.backlash.moves_predicted import predict
 from service.captures import read_capture
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_transmission import DrivenClearance, DrivenPreload

@@ -10,9 +10,13 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from service.backlash import moves_fit
-from service.backlash.moves import Moves, early_part, predict, residuals, some_of
-from service.backlash.moves_fit import Fitted, every, fit, hearing_motors, jacobian, reconstructed
+from service.backlash import moves_refined
+from service.backlash.moves import Moves
+from service.backlash.moves_fit import Fitted, fit, jacobian
+from service.backlash.moves_parts import early_part, some_of
+from service.backlash.moves_point import every
+from service.backlash.moves_predicted import predict, residuals
+from service.backlash.moves_refined import hearing_motors, reconstructed
 from service.identification import moves_motors
 from service.identification.moves_motors import CONTRADICTED, left_by_motors, plainly_against
 from service.identification.moves_valleys import asked as of_few
@@ -123,7 +127,7 @@ def test_motors_that_leave_less_than_their_noise_say_no_more(monkeypatch: Any, f
     """So the noise is put at too much, or a fit follows it: neither makes them better witnesses."""
     (part,) = reconstructed(found, asked=True)
     quiet = replace(part, motors=tuple(tuple(rows.over(3.0) for rows in move) for move in part.motors))
-    monkeypatch.setattr(moves_fit, "reconstructed", lambda *_, **__: (quiet,))
+    monkeypatch.setattr(moves_refined, "reconstructed", lambda *_, **__: (quiet,))
     (heard,) = hearing_motors(found)
     np.testing.assert_array_equal(heard.motors[0][0].weight, quiet.motors[0][0].weight)
 

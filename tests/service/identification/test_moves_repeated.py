@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from scipy.interpolate import PPoly
 
-from service.backlash.moves import Moves, predict
+from service.backlash.moves import Moves
 from service.backlash.moves_fit import Fitted
+from service.backlash.moves_predicted import predict
 from service.identification.moves_repeated import PureError, pure_error, repeated
 from service.recording import FloatArray
 

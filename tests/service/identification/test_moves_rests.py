@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from service.backlash.moves import Moves, left_over, moves_of, predict, simulated
+from service.backlash.moves import Moves, moves_of
 from service.backlash.moves_begun import point_at
-from service.backlash.moves_fit import Fitted, Point, every, resting
+from service.backlash.moves_fit import Fitted
+from service.backlash.moves_point import Point, every, resting
+from service.backlash.moves_predicted import left_over, predict, simulated
 from service.captures import read_capture
 from service.dynamics.driven import wider
 from service.dynamics.driven_model import Model

@@ -9,9 +9,10 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from service.backlash.moves import predict
 from service.backlash.moves_begun import shared_at
-from service.backlash.moves_fit import FAR, Fitted, Point, fit, values_at
+from service.backlash.moves_fit import Fitted, fit, values_at
+from service.backlash.moves_point import FAR, Point
+from service.backlash.moves_predicted import predict
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_bodies import DrivenHungMass
 from service.identification import moves_ridges, moves_starts

@@ -10,9 +10,10 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from service.backlash.moves import Moves, early_part, moves_of, some_of
+from service.backlash.moves import Moves, moves_of
 from service.backlash.moves_begun import expecting_its_own, point_at
 from service.backlash.moves_fit import Fitted, fit
+from service.backlash.moves_parts import early_part, some_of
 from service.captures import read_capture
 from service.dynamics.driven_model import DrivenEffect, Model
 from service.dynamics.effects.driven_sensors import DrivenLatency, DrivenSpeedFilter

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from service.backlash.moves_begun import point_at
-from service.backlash.moves_fit import Fitted, Point, values_at
+from service.backlash.moves_fit import Fitted, values_at
+from service.backlash.moves_point import Point
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_transmission import DrivenClearance
 
