@@ -16,7 +16,7 @@ from service.identification.explanation import Accepted, AxisExplanation, Candid
 from service.identification.given_effects import as_accepted, names_of, with_effects_of
 from service.identification.held_out import DESCRIBED, SEARCHED, Explained, overdamped, trial_of
 from service.identification.moves_carried import SECOND
-from service.identification.moves_end import declared_end, ended
+from service.identification.moves_end import SOUND, declared_end, ended
 from service.identification.moves_finals import describes_all, may_be_named
 from service.identification.moves_hidden import as_heard_by_motors, hidden, leads, swinging
 from service.identification.moves_motors import CONTRADICTED, PLAINLY, left_by_motors, nothing_left
@@ -143,13 +143,15 @@ def contradicted(
     """What is missing where the motors contradict the model. If nothing is found with which their equations of motion
     hold, what swings is asked for at all frequencies, and taken if they hold with it; then what may be hidden: it has
     its name if the other moves are described with it, too, or if nothing else is found that describes them better, or
-    nothing with which the motors agree as they do with it, and is a hint otherwise. Where they speak `plainly`, and it
-    comes nearer to a few moves, this is asked for first, and nothing else if all moves and their motors are described
-    with it, or nothing is left of those that were fitted and of their motors; nor what swings, if the motors are
-    described with this or with what else was found. Where what was asked for first only led to a machine on which the
-    model before comes nearer, all is asked anew from there."""
+    nothing with which the motors agree as they do with it, and is a hint otherwise. Where they speak `plainly`, while
+    the moves that were fitted are nearly described, as one gap describes two, and it comes nearer to a few moves, this
+    is asked for first, and nothing else if all moves and their motors are described with it, or nothing is left of
+    those that were fitted and of their motors; nor what swings, if the motors are described with this or with what else
+    was found. Where what was asked for first only led to a machine on which the model before comes nearer, all is asked
+    anew from there."""
     witnessed = as_heard_by_motors(before).validation_rms > 0.0
-    asked_first = plainly and witnessed and leads(scene, before, HIDDEN)
+    imitated = plainly and witnessed and before.train_rms < SOUND
+    asked_first = imitated and leads(scene, before, HIDDEN)
     first = hidden(scene, before, HIDDEN, len(DRIVEN), tell) if asked_first else None
     if first and first.effects:
         elsewhere = challenged(scene, before, first.after)
