@@ -56,8 +56,8 @@ def finished(
     may stand there on a wrong chain. They are tried on each other's machines. The nearest is led on over further ridges
     before any is ended, unless it is near and the motors speak against it; what one of them contains is begun where it
     stands, and ended before it; what is far behind one that is ended and describes all is not. What comes closest to
-    the moves that it was fitted to, and describes them, is ended even if it describes the others not much worse: it may
-    be the right one."""
+    the moves that it was fitted to is ended, too, if it is plainly closer to them, or describes them, even if it
+    describes the others not much worse: it may be the right one, on a chain that foretells the others badly."""
     out, done = dict(trials), list[str]()
     last = finalists(trials)
     if min(trials[name].train_rms for name in last) > FAR_OFF * HOPELESS:
@@ -81,6 +81,8 @@ def finished(
     for name, inner in contained:
         out[inner] = begun_there(scene, present, out[inner], out[name])
     near += [inner for _, inner in contained]
+    if all(out[closest].train_rms < SECOND * out[name].train_rms for name in {first, *near} - {closest}):
+        near.append(closest)
     for name in sorted({first, *near}, key=lambda name: len(out[name].model.fitted.model.parameters)):
         if not (inner_suffices(name, out) or outdone(name, present, out)):
             out[name] = ended_if_named(scene, present, out[name])

@@ -34,6 +34,47 @@ def test_those_are_finished_that_are_nearest_to_all_moves_or_to_those_that_were_
     assert finalists(trials) == ["friction", "force"]
 
 
+def a_trial(name: str, train: float, held: float) -> Any:
+    """A trial that is known by its name and its errors."""
+    fitted = SimpleNamespace(model=SimpleNamespace(name=name, parameters=()))
+    explained = SimpleNamespace(fitted=fitted, ended=False)
+    return SimpleNamespace(
+        train_rms=train, held_rms=held, validation_rms=held, model=explained, at_limits=(), name=name
+    )
+
+
+def as_they_are(monkeypatch: Any, trials: dict[str, Any]) -> None:
+    """Nothing is fitted: every trial stays what it is until it is ended."""
+    monkeypatch.setattr(moves_finals, "on_better_machines", lambda _scene, _present, trials: dict(trials))
+    monkeypatch.setattr(moves_finals, "begun_there", lambda _scene, _present, inner, _outer: inner)
+    monkeypatch.setattr(moves_finals, "swings_at_all", lambda _model: False)
+    monkeypatch.setattr(moves_finals, "with_own_errors", lambda fitted: fitted)
+    monkeypatch.setattr(moves_finals, "settled", lambda fitted, *_: fitted)
+    monkeypatch.setattr(moves_finals, "led_on", lambda fitted, *_: fitted)
+    monkeypatch.setattr(moves_finals, "trial_of", lambda _scene, fitted, **_: trials[fitted.model.name])
+    monkeypatch.setattr(moves_finals, "inner_suffices", lambda *_: False)
+    monkeypatch.setattr(moves_finals, "outdone", lambda *_: False)
+
+
+@pytest.mark.parametrize(("train_rms", "ended"), [(1.24, True), (1.5, False)], ids=["plainly", "hardly"])
+def test_what_is_plainly_closest_to_its_moves_is_ended_however_badly_it_foretells_the_others(
+    monkeypatch: Any, train_rms: float, ended: bool
+) -> None:
+    """A contact that stiffens, in six straight pieces, had driven the chain to where it foretold the others worst."""
+    trials = {
+        "contact_nonlinearity": a_trial("contact_nonlinearity", train_rms, 4.8),
+        FRICTION: a_trial(FRICTION, 1.55, 3.0),
+        FORCE: a_trial(FORCE, 1.56, 3.1),
+    }
+    as_they_are(monkeypatch, trials)
+    asked: list[tuple[str, float]] = []
+    monkeypatch.setattr(
+        moves_finals, "to_the_end", lambda _scene, one, near=2.0, *_: asked.append((one.name, near)) or one
+    )
+    moves_finals.finished(SCENE, PRESENT, cast(Any, trials))
+    assert (("contact_nonlinearity", 2.0) in asked) is ended
+
+
 def test_all_finalists_that_are_near_are_ended_before_one_is_chosen(monkeypatch: Any) -> None:
     """A force that grows along the travel came nearer than friction that differs by direction, as long as only the
     nearest was fitted to the end, and than the constant force that it contains, as long as that was left half-way."""
@@ -44,28 +85,13 @@ def test_all_finalists_that_are_near_are_ended_before_one_is_chosen(monkeypatch:
         "sensor_gain": (3.0, 9.0),
     }
 
-    def trial(name: str, train: float, held: float, limits: tuple[str, ...] = ()) -> Any:
-        fitted = SimpleNamespace(model=SimpleNamespace(name=name, parameters=()))
-        explained = SimpleNamespace(fitted=fitted)
-        return SimpleNamespace(
-            train_rms=train, held_rms=held, validation_rms=held, model=explained, at_limits=limits, name=name
-        )
-
-    trials = {name: trial(name, *both) for name, both in errors.items()}
-    monkeypatch.setattr(moves_finals, "on_better_machines", lambda _scene, _present, trials: dict(trials))
-    monkeypatch.setattr(moves_finals, "begun_there", lambda _scene, _present, inner, _outer: inner)
-    monkeypatch.setattr(moves_finals, "swings_at_all", lambda _model: False)
-    monkeypatch.setattr(moves_finals, "with_own_errors", lambda fitted: fitted)
-    monkeypatch.setattr(moves_finals, "settled", lambda fitted, *_: fitted)
-    monkeypatch.setattr(moves_finals, "led_on", lambda fitted, *_: fitted)
-    monkeypatch.setattr(moves_finals, "trial_of", lambda _scene, fitted, **_: trials[fitted.model.name])
-    monkeypatch.setattr(moves_finals, "inner_suffices", lambda *_: False)
-    monkeypatch.setattr(moves_finals, "outdone", lambda *_: False)
+    trials = {name: a_trial(name, *both) for name, both in errors.items()}
+    as_they_are(monkeypatch, trials)
     asked: list[tuple[str, float]] = []
 
     def to_the_end(_scene: Any, one: Any, near: float = 2.0, _as_well: float = 1.3) -> Any:
         asked.append((one.name, near))
-        return one if near < 2.0 else trial(one.name + " ended", 1.0, 1.0)
+        return one if near < 2.0 else a_trial(one.name + " ended", 1.0, 1.0)
 
     monkeypatch.setattr(moves_finals, "to_the_end", to_the_end)
     done = moves_finals.finished(SCENE, PRESENT, cast(Any, trials))
