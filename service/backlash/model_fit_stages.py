@@ -59,7 +59,8 @@ class Effort:
     heavier, refine, following : of each pass over few steps, over few steps of a gantry's heavier chain, over all
     steps, and over all steps with motors that follow; seed of the random machines; settling : cycles in which a
     start's motor motion is made to agree with it before it is fitted; sharings : whether others of softness and mass
-    are tried."""
+    are tried; in_vain : misfit of a single axis' few steps from which on all steps are not fitted, as another machine
+    would have to be found first."""
 
     candidates: int = 160
     starts: int = 3
@@ -72,6 +73,7 @@ class Effort:
     seed: int = 1
     settling: int = 0
     sharings: bool = True
+    in_vain: float = np.inf
 
 
 @dataclass(frozen=True)
@@ -259,6 +261,8 @@ def refined(measured: Measured, problem: Problem, starts: list[Outcome], effort:
     if len(measured.axes) == 1:
         problem, _ = with_impurities(problem, begin.fit.point, fine=True)
         begin = differently_shared(*with_impurities(begin.problem, begin.fit.point), effort, GOOD)
+        if begin.fit.misfit > effort.in_vain:
+            return Staged(begin, [begin], starts)
     at = Point(begin.fit.point.shared, repeated(problem, begin.fit.point.local))
     ends = over_all_steps(measured, problem, at, effort)
     if not lowest(ends).fit.misfit < HOPELESS:  # too light for the finer contact

@@ -46,6 +46,9 @@ NOT_SMOOTH = (
 for a start."""
 ROUNDS, FIRST_ROUNDS = 16, 6
 """Rounds of a fit, and those after which only the nearest of several starts is continued."""
+BRIEFLY = replace(SINGLE, in_vain=16.0)
+"""How the estimator looks for where fits begin: where few steps leave four times the noise all of them tell no more
+(chosen: there it drove a pinion to where it swings too fast for the grid, for half a minute)."""
 
 
 @dataclass(frozen=True)
@@ -133,7 +136,7 @@ def values_of(staged: Staged) -> Values:
 def estimator_alone(recording: Recording, axis: str) -> Values:
     """One axis as if nothing pulled on it, with two masses between motor and rack."""
     measured = measure(recording, (axis,), range(len(recording.moves)))
-    return values_of(staged_fit(measured, Model((axis,), 2), {axis: closed_form(recording, axis)}, SINGLE))
+    return values_of(staged_fit(measured, Model((axis,), 2), {axis: closed_form(recording, axis)}, BRIEFLY))
 
 
 def estimated(recording: Recording, axes: tuple[str, ...], gantry: bool) -> tuple[Values, Values]:

@@ -1,13 +1,15 @@
-"""Other sharings of a drive: what they keep of it."""
+"""Other sharings of a drive, what they keep of it; and what is not fitted to all steps."""
 
 from __future__ import annotations
 
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
-from service.backlash.model_fit_stages import SHARINGS, shared_out
+from service.backlash import model_fit_stages
+from service.backlash.model_fit_stages import SHARINGS, Effort, refined, shared_out
 from service.dynamics.driven_model import Model
 from service.recording import FloatArray
 
@@ -37,3 +39,21 @@ def test_a_drive_shared_out_differently_is_as_soft_as_heavy_and_as_damped(way: A
     assert (1.0 / k_new) / np.sum(1.0 / k_new) == pytest.approx(soft)
     assert mass_new / np.sum(mass_new) == pytest.approx(heavy)
     assert np.ptp(d_new / k_new) == pytest.approx(0.0, abs=1e-9 * np.max(d_new / k_new))
+
+
+@pytest.mark.parametrize(("misfit", "all_steps"), [(15.0, True), (17.0, False)])
+def test_what_few_steps_show_to_be_another_machine_is_not_fitted_to_all(
+    monkeypatch: pytest.MonkeyPatch, misfit: float, all_steps: bool
+) -> None:
+    at = SimpleNamespace(shared=np.zeros(1), local=np.zeros((1, 1, 1)))
+    begin = cast(Any, SimpleNamespace(problem=None, fit=SimpleNamespace(misfit=misfit, point=at)))
+    last = cast(Any, SimpleNamespace(fit=SimpleNamespace(misfit=1.0, cost=1.0)))
+    monkeypatch.setattr(
+        model_fit_stages, "with_impurities", lambda problem, point, fine=False: (problem, point)
+    )
+    monkeypatch.setattr(model_fit_stages, "differently_shared", lambda *_: begin)
+    monkeypatch.setattr(model_fit_stages, "repeated", lambda *_: at.local)
+    monkeypatch.setattr(model_fit_stages, "over_all_steps", lambda *_: [last])
+    measured = cast(Any, SimpleNamespace(axes=("X1",)))
+    found = refined(measured, cast(Any, None), [begin], Effort(in_vain=16.0))
+    assert found.best is (last if all_steps else begin)
