@@ -165,7 +165,7 @@ def rate_in(stiff: FloatArray, loss: FloatArray, moves: FloatArray) -> FloatArra
     return np.asarray(np.sqrt(squared) + rate)
 
 
-KNOWN = 512
+KNOWN = 128
 """Contact states whose exponentials are kept; when there are more, they are found again."""
 
 

@@ -25,8 +25,8 @@ from service.identification.selection import (
 )
 
 LEFT_BY_ONE = 3.0
-"""The same for an effect that explains nearly all by itself: what it leaves is how its law differs from the machine's
-(chosen)."""
+"""What an effect that explains nearly all by itself may leave, over what is expected: it is how its law differs from
+the machine's (chosen)."""
 
 
 class Impurity(NamedTuple):

@@ -48,7 +48,7 @@ ROUNDS, FIRST_ROUNDS = 16, 6
 """Rounds of a fit, and those after which only the nearest of several starts is continued."""
 BRIEFLY = replace(SINGLE, in_vain=16.0)
 """How the estimator looks for where fits begin: where few steps leave four times the noise all of them tell no more
-(chosen: there it drove a pinion to where it swings too fast for the grid, for half a minute)."""
+(chosen: there a pinion is driven to where it swings too fast for the grid, and every pass takes long)."""
 
 
 @dataclass(frozen=True)

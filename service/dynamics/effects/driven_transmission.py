@@ -35,8 +35,8 @@ BENDS = graded(6)
 """While an effect is searched. A force to the power 2 is missed by 0.05 m/s² RMS, one to the power 1.1 by 0.005."""
 
 FINE = graded(13)
-"""For a value. Chosen: a force to the power 2 is missed by 0.011 m/s², less than a quiet sensor's noise; where it was
-missed by 0.03 the chain and the backlash of such a flank followed what was missed, by a micrometre."""
+"""For a value. Chosen: a force to the power 2 is missed by 0.011 m/s² RMS, less than a quiet sensor's noise; where more
+is missed, the chain and the backlash of such a flank follow it."""
 
 
 BOTH = 1e-4

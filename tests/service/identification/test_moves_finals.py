@@ -169,22 +169,12 @@ def test_what_contains_an_effect_that_leaves_next_to_nothing_is_not_ended(
 def test_where_none_is_anywhere_near_the_nearest_alone_is_settled(
     monkeypatch: Any, near: float, settled: list[str]
 ) -> None:
-    def trial(name: str, train: float) -> Any:
-        fitted = SimpleNamespace(name=name, model=SimpleNamespace(parameters=()))
-        explained = SimpleNamespace(fitted=fitted)
-        return SimpleNamespace(
-            train_rms=train, held_rms=train, validation_rms=train, model=explained, at_limits=()
-        )
-
-    trials = {FORCE: trial(FORCE, near), FRICTION: trial(FRICTION, 1.1 * near)}
+    trials = {FORCE: a_trial(FORCE, near, near), FRICTION: a_trial(FRICTION, 1.1 * near, 1.1 * near)}
+    as_they_are(monkeypatch, trials)
     asked: list[str] = []
-    monkeypatch.setattr(moves_finals, "swings_at_all", lambda _model: False)
-    monkeypatch.setattr(moves_finals, "with_own_errors", lambda fitted: asked.append(fitted.name) or fitted)
-    monkeypatch.setattr(moves_finals, "settled", lambda fitted, *_: fitted)
-    monkeypatch.setattr(moves_finals, "led_on", lambda fitted, *_: fitted)
-    monkeypatch.setattr(moves_finals, "trial_of", lambda _scene, fitted, **_: trials[fitted.name])
-    monkeypatch.setattr(moves_finals, "inner_suffices", lambda *_: False)
-    monkeypatch.setattr(moves_finals, "outdone", lambda *_: False)
+    monkeypatch.setattr(
+        moves_finals, "with_own_errors", lambda fitted: asked.append(fitted.model.name) or fitted
+    )
     monkeypatch.setattr(moves_finals, "to_the_end", lambda _scene, one, *_: one)
     moves_finals.finished(SCENE, PRESENT, cast(Any, trials))
     assert asked == settled
@@ -193,31 +183,19 @@ def test_where_none_is_anywhere_near_the_nearest_alone_is_settled(
 def test_the_nearest_that_is_led_on_is_judged_by_where_it_ended(monkeypatch: Any) -> None:
     """A hung mass stood behind two ridges: as it was found at first it swung on from no move to the next, and was
     refused."""
-
-    def trial(name: str, train: float, limits: tuple[str, ...] = ()) -> Any:
-        fitted = SimpleNamespace(name=name, model=SimpleNamespace(parameters=()))
-        explained = SimpleNamespace(fitted=fitted)
-        return SimpleNamespace(
-            train_rms=train, held_rms=train, validation_rms=train, model=explained, at_limits=limits
-        )
-
-    trials = {HUNG: trial(HUNG, 1.9, ("X1.hung_speed",)), BODY: trial(BODY, 2.1)}
-    further = trial("further", 0.9)
-    by_name = {**trials, "further": further}
+    trials = {HUNG: a_trial(HUNG, 1.9, 1.9), BODY: a_trial(BODY, 2.1, 2.1)}
+    trials[HUNG].at_limits = ("X1.hung_speed",)
+    further = a_trial("further", 0.9, 0.9)
+    as_they_are(monkeypatch, {**trials, "further": further})
     monkeypatch.setattr(moves_finals, "swings_at_all", lambda _model: True)
-    monkeypatch.setattr(moves_finals, "with_own_errors", lambda fitted: fitted)
-    monkeypatch.setattr(moves_finals, "settled", lambda fitted, *_: fitted)
     led: list[str] = []
 
     def led_on(fitted: Any, _near: float, places: Any) -> Any:
-        led.append(fitted.name)
+        led.append(fitted.model.name)
         assert places == (SCENE.smooth,), "what swings is looked for there, too"
         return further.model.fitted
 
     monkeypatch.setattr(moves_finals, "led_on", led_on)
-    monkeypatch.setattr(moves_finals, "trial_of", lambda _scene, fitted, **_: by_name[fitted.name])
-    monkeypatch.setattr(moves_finals, "inner_suffices", lambda *_: False)
-    monkeypatch.setattr(moves_finals, "outdone", lambda *_: False)
     ended: list[Any] = []
     monkeypatch.setattr(moves_finals, "to_the_end", lambda _scene, one, *_: ended.append(one) or one)
     done = moves_finals.finished(SCENE, PRESENT, cast(Any, trials))

@@ -268,14 +268,14 @@ def test_the_damper_of_a_bent_contact_grows_as_it_is_said_to(grown: float) -> No
 
 @pytest.mark.parametrize("bend", [-0.3, 0.1, 0.5, 1.0])
 def test_the_pieces_of_a_bent_flank_follow_its_power(bend: float) -> None:
-    """As closely as a quiet sensor sees, 0.02 m/s², pressed by up to 8 m/s²; so it does where a flank that stiffens is
-    met, which decides about the backlash."""
+    """More closely than a quiet sensor sees, 0.02 m/s², pressed by up to 8 m/s², and as closely where a flank that
+    stiffens is met, which decides about the backlash."""
     x = np.linspace(0.0, 2.0 ** (1.0 / (1.0 + bend)), 500)
     pieces = {at: np.maximum(x[:, None] - np.array(at[:-1]), 0.0) for at in (BENDS, FINE)}
     found = np.array([bend])
     missed = {at: 4.0 * (deep @ stiffening(found, at)[0] - x ** (1.0 + bend)) for at, deep in pieces.items()}
     rms = {at: float(np.sqrt(np.mean(m**2))) for at, m in missed.items()}
-    assert rms[FINE] < 0.02 and rms[FINE] < 0.35 * rms[BENDS]
+    assert rms[BENDS] < 0.055 and rms[FINE] < min(0.012, 0.35 * rms[BENDS])
     assert bend < 0.0 or np.max(np.abs(missed[FINE][x < 0.02])) < 0.02
 
 
