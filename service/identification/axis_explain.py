@@ -22,6 +22,7 @@ from service.identification.moves_hidden import as_heard_by_motors, hidden, lead
 from service.identification.moves_motors import CONTRADICTED, PLAINLY, left_by_motors, nothing_left
 from service.identification.moves_repeated import pure_error
 from service.identification.moves_search import challenged, propose, without
+from service.identification.moves_sound import with_impurities
 from service.identification.moves_starts import TOO_MUCH
 from service.identification.scene import Scene, declared_fits, scene_of
 from service.identification.selection import (
@@ -214,7 +215,8 @@ def searched(
     but: Sequence[type[DrivenEffect]] = (),
 ) -> Selection[Explained]:
     """What is found in the library, `but` for some, also of two effects that are found together only; with `first`, of
-    which there is other evidence, begun with nothing else and however little is missing."""
+    which there is other evidence, begun with nothing else and however little is missing. Where that is not known, what
+    every sound machine has may be all."""
     held = {effect.name for effect in before.model.fitted.model.effects} | {kind.name for kind in but}
     library = tuple(kind for kind in DRIVEN.values() if kind.name not in held)
     found = selected(
@@ -228,7 +230,9 @@ def searched(
     )
     if first or finding_of(found)[0] != "unknown":
         return found
-    return in_company(scene, before, found, library, tell)
+    found = in_company(scene, before, found, library, tell)
+    sound = with_impurities(scene, before, found, tell) if finding_of(found)[0] == "unknown" else found
+    return sound if finding_of(sound)[0] == "none" else found
 
 
 def in_company(

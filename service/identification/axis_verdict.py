@@ -109,21 +109,21 @@ def finding_of(
     leaves no more than `sound` may lack nothing, and one that leaves a little more only impurities, if nothing that is
     tried in their place changes the backlash, and if its channels need not be apart in time nor its chain be damped as
     none is, and neither the motors contradict it nor another channel hints at it, and no law that no such effect has
-    explains what is missing. What another channel is the witness of has been judged by that.
+    explains what is missing; a model that is all this with what every sound machine has lacks only that. What another
+    channel is the witness of has been judged by that.
     """
     before, after, effects = selection.before, selection.after, selection.effects
     if effects and effects == selection.witnessed:
         return "effect", effects
     sound = max(sound, SMALL) if _undisputed(selection) else sound
-    usual = _in_time(before) and _usual(before) and not _contradicted(before)
-    sound_enough = _little(before) and left(after) <= sound and usual
+    sound_enough = _little(before) and left(after) <= sound and _sound(before)
     of_library = not (selection.hinted or _of_no_library(selection))
     nothing: Finding = "none" if sound_enough and of_library else "unknown"
     if not effects or (_little(before) and common_suffices(selection)):
         return nothing, ()
     if not _matters(selection):
         if _little(before) and not _clear(selection, seen_at_rest):
-            return nothing, ()
+            return ("none" if of_library and _as_sound(selection) else nothing), ()
         if of_every_machine(selection):
             return "none", ()
     return ("effect", effects) if _explanation(selection, seen_at_rest) else ("unknown", ())
@@ -248,6 +248,18 @@ def _undisputed(selection: Selection[Explained]) -> bool:
 def _little(trial: Trial[Explained]) -> bool:
     """Whether what the declared model leaves may be an impurity too small to matter."""
     return left(trial) <= SMALL and trial.validation_rms <= CHANGED
+
+
+def _as_sound(selection: Selection[Explained]) -> bool:
+    """Whether with no more than every sound machine has next to nothing is left of all moves, by a sound machine."""
+    after = selection.after
+    described = max(after.train_rms, after.validation_rms) <= LEFT_BY_CLEAN
+    return described and of_every_machine(selection) and _sound(after)
+
+
+def _sound(trial: Trial[Explained]) -> bool:
+    """Whether no channels need be apart in time for it, no chain be damped as none is, and no motors contradict it."""
+    return _in_time(trial) and _usual(trial) and not _contradicted(trial)
 
 
 def _in_time(trial: Trial[Explained]) -> bool:
