@@ -116,7 +116,8 @@ def finding_of(
     if effects and effects == selection.witnessed:
         return "effect", effects
     sound = max(sound, SMALL) if _undisputed(selection) else sound
-    sound_enough = _little(before) and left(after) <= sound and _sound(before)
+    usual = _in_time(before) and _usual(before) and not _contradicted(before)
+    sound_enough = _little(before) and left(after) <= sound and usual
     of_library = not (selection.hinted or _of_no_library(selection))
     nothing: Finding = "none" if sound_enough and of_library else "unknown"
     if not effects or (_little(before) and common_suffices(selection)):
@@ -251,15 +252,11 @@ def _little(trial: Trial[Explained]) -> bool:
 
 
 def _as_sound(selection: Selection[Explained]) -> bool:
-    """Whether with no more than every sound machine has next to nothing is left of all moves, by a sound machine."""
+    """Whether with no more than every sound machine has next to nothing is left of all moves, no channels need be apart
+    in time, and the motors say nothing else."""
     after = selection.after
     described = max(after.train_rms, after.validation_rms) <= LEFT_BY_CLEAN
-    return described and of_every_machine(selection) and _sound(after)
-
-
-def _sound(trial: Trial[Explained]) -> bool:
-    """Whether no channels need be apart in time for it, no chain be damped as none is, and no motors contradict it."""
-    return _in_time(trial) and _usual(trial) and not _contradicted(trial)
+    return described and of_every_machine(selection) and _in_time(after) and not _spoken_against(after)
 
 
 def _in_time(trial: Trial[Explained]) -> bool:
@@ -271,8 +268,13 @@ def _in_time(trial: Trial[Explained]) -> bool:
 def _contradicted(trial: Trial[Explained]) -> bool:
     """Whether a model leaves more of other moves than numbers do that are not known well, and the motors contradict it
     plainly: one that is wrong may describe the moves that it was fitted to."""
+    return shown(trial) > LEFT and _spoken_against(trial)
+
+
+def _spoken_against(trial: Trial[Explained]) -> bool:
+    """Whether the motors plainly leave more than the moves that were fitted do."""
     by_motors = float(np.max(left_by_motors(trial.model.fitted)))
-    return shown(trial) > LEFT and by_motors > PLAINLY * max(1.0, trial.train_rms)
+    return by_motors > PLAINLY * max(1.0, trial.train_rms)
 
 
 def _usual(trial: Trial[Explained]) -> bool:

@@ -177,6 +177,24 @@ def test_a_model_that_foretells_badly_and_that_the_motors_contradict_plainly_is_
     assert axis_verdict.finding_of(Selection(model, model, (), (), ())) == (found, ())
 
 
+@pytest.mark.parametrize(
+    ("after", "motors", "found"),
+    [((1.0, 1.0), 1.4, "none"), ((1.0, 1.0), 3.2, "unknown"), ((1.0, 1.3), 1.4, "unknown")],
+    ids=["sound", "contradicted, too", "leaves something"],
+)
+def test_what_every_sound_machine_has_may_be_what_the_motors_contradict_a_model_without_it_for(
+    monkeypatch: pytest.MonkeyPatch, after: tuple[float, float], motors: float, found: str
+) -> None:
+    """A mesh error and a bent contact: the motors left 3.2 without them."""
+    before, both = trial(1.17, 2.7), trial(*after)
+    left = {id(before.model.fitted): 3.2, id(both.model.fitted): motors}
+    monkeypatch.setattr(axis_verdict, "left_by_motors", lambda fitted: np.array([left[id(fitted)]]))
+    monkeypatch.setattr(axis_verdict, "backlash_of", lambda _fitted, _axis: (57e-6, 1e-7))
+    monkeypatch.setattr(axis_common, "deviations", numbers)
+    selection = Selection(before, both, ("contact_nonlinearity", "transmission_ripple"), (), ())
+    assert axis_verdict.finding_of(selection) == (found, ())
+
+
 def test_where_the_motors_hint_at_something_that_no_effect_explains_a_sound_model_is_unknown() -> None:
     sound = Selection(trial(1.1, 1.2), trial(1.1, 1.2), (), (), ())
     assert axis_verdict.finding_of(sound)[0] == "none"
