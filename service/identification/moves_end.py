@@ -115,10 +115,11 @@ def settled(found: Fitted, rounds: int, ridges: tuple[float, float] = OF_ADDED) 
 
 
 def settled_present(found: Fitted, rounds: int) -> Fitted:
-    """The same of the declared model. Where it lacks something it is only improved on, in the best of its valleys: its
-    numbers are not the machine's, however closely they are found."""
+    """The same of the declared model. Where it lacks something it is only improved on, in the best of its valleys, and
+    where it lacks much in that where it stands: its numbers are not the machine's, however closely they are found, and
+    whichever effect is the right one leads out of it."""
     on = fit(reconstructed(found), found.model, found.at, rounds)
-    on = over_ridges(on) if on.rms > SOUND else on
+    on = over_ridges(on) if SOUND < on.rms < HOPELESS else on
     return on if on.rms > SOUND else followed(on, rounds)
 
 

@@ -11,7 +11,7 @@ from service.dynamics.effects.driven_transmission import DrivenBentContact
 from service.identification.held_out import Explained
 from service.identification.moves_search import propose
 from service.identification.scene import Scene
-from service.identification.selection import CHANGED, LEFT, LEFT_BY_CLEAN, Selection, Trial
+from service.identification.selection import CHANGED, LEFT_BY_CLEAN, Selection, Trial
 
 
 def with_impurities(
@@ -21,7 +21,7 @@ def with_impurities(
     as it is where they leave more, or the model before more than impurities do, or where the contact was not tried."""
     alone = {trial.model.fitted.model.effects[-1].name: trial for trial in found.tried}
     bent = alone.get(DrivenBentContact.name)
-    if bent is None or before.train_rms > LEFT or before.validation_rms > CHANGED:
+    if bent is None or max(before.train_rms, before.validation_rms) > CHANGED:
         return found
     tell("nothing explains it alone: a mesh error beside a bent contact")
     beside = propose(scene, (DrivenRipple,), bent, (DrivenBentContact.name,), tell)

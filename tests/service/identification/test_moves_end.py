@@ -164,7 +164,7 @@ def test_a_fit_goes_on_from_where_it_stands_and_in_another_valley_only_if_it_is_
     [
         (1.5, 1.2, 0, 1.5, True),
         (2.5, 2.4, 1, 2.4, False),
-        (9.0, 8.0, 1, 8.0, False),
+        (9.0, 8.0, 0, 9.0, False),
         (2.5, 1.8, 1, 1.8, True),
     ],
 )

@@ -39,7 +39,7 @@ def alone(before: Trial[Any], *tried: Trial[Any]) -> Selection[Any]:
         ((1.2, 2.7), BENT, (1.3, 1.2), False),
         ((1.2, 2.7), BENT, None, False),
         ((1.2, 2.7), RIPPLE, (1.0, 1.0), False),
-        ((1.7, 2.7), BENT, (1.0, 1.0), False),
+        ((4.1, 2.7), BENT, (1.0, 1.0), False),
         ((1.2, 4.1), BENT, (1.0, 1.0), False),
     ],
     ids=[
