@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import permutations
 
 import numpy as np
@@ -50,8 +50,22 @@ BEHIND = 1.5
 def finished(
     scene: Scene, present: Trial[Explained], trials: Mapping[str, Trial[Explained]]
 ) -> dict[str, Trial[Explained]]:
-    """The trials, those of the finalists with the motor's motion reconstructed from them, and ended if they may be
-    named; what swings comes last, and only if it is not far behind; where none is anywhere near, the nearest alone.
+    """The trials, those of the finalists finished: first what describes the moves that it was fitted to with numbers
+    that such an effect has, and all others, too, unless it ends where it describes the other moves."""
+    last = finalists(trials)
+    likely = [n for n in last if trials[n].train_rms <= LEFT_BY_CLEAN and not trials[n].at_limits]
+    if likely and any(trials[name].at_limits for name in last):
+        trials = finished_of(scene, present, trials, likely)
+        if any(described(trials[name]) for name in likely):
+            return dict(trials)
+    return finished_of(scene, present, trials, last)
+
+
+def finished_of(
+    scene: Scene, present: Trial[Explained], trials: Mapping[str, Trial[Explained]], last: Sequence[str]
+) -> dict[str, Trial[Explained]]:
+    """The trials, the `last` with the motor's motion reconstructed from them, and ended if they may be named; what
+    swings comes last, and only if it is not far behind; where none is anywhere near, the nearest alone.
     What takes a part of what the present model leaves is led over ridges even where it is hopeless: the right effect
     may stand there on a wrong chain. They are tried on each other's machines. The nearest is led on over further ridges
     before any is ended, unless it is near and the motors speak against it; what one of them contains is begun where it
@@ -59,7 +73,6 @@ def finished(
     the moves that it was fitted to is ended, too, if it is plainly closer to them, or describes them, even if it
     describes the others not much worse: it may be the right one, on a chain that foretells the others badly."""
     out, done = dict(trials), list[str]()
-    last = finalists(trials)
     if min(trials[name].train_rms for name in last) > FAR_OFF * HOPELESS:
         last = last[:1]
     for name in sorted(last, key=lambda name: swings_at_all(trials[name].model.fitted.model)):
@@ -212,5 +225,9 @@ def may_be_named(present: Trial[Explained], trial: Trial[Explained]) -> bool:
 def describes_all(present: Trial[Explained], trial: Trial[Explained]) -> bool:
     """Whether a model describes the moves that were fitted and the others, or next to all that the present one leaves
     of both, with numbers that there are."""
-    described = max(trial.train_rms, trial.validation_rms) <= DESCRIBED
-    return (described or gone_from_all(present, trial, WHOLLY)) and not trial.at_limits
+    return described(trial) or (gone_from_all(present, trial, WHOLLY) and not trial.at_limits)
+
+
+def described(trial: Trial[Explained]) -> bool:
+    """Whether a model leaves next to nothing of all moves, with numbers that there are."""
+    return max(trial.train_rms, trial.validation_rms) <= DESCRIBED and not trial.at_limits

@@ -180,6 +180,36 @@ def test_where_none_is_anywhere_near_the_nearest_alone_is_settled(
     assert asked == settled
 
 
+@pytest.mark.parametrize(
+    ("own", "limits", "ends", "asked"),
+    [
+        (1.1, ("body_displacement",), 1.05, [FORCE]),
+        (1.1, ("body_displacement",), 1.3, [FORCE, BODY, FORCE]),
+        (1.1, (), 1.05, [BODY, FORCE]),
+        (1.3, ("body_displacement",), 1.05, [BODY, FORCE]),
+    ],
+    ids=["described without", "not described", "no limit", "farther off"],
+)
+def test_what_is_no_such_effect_is_finished_only_where_another_does_not_describe_all(
+    monkeypatch: Any, own: float, limits: tuple[str, ...], ends: float, asked: list[str]
+) -> None:
+    """A gain: a body that began every move as it liked came nearer at first, and took as long to be finished."""
+    trials = {BODY: a_trial(BODY, 1.07, 1.3), FORCE: a_trial(FORCE, own, 1.5)}
+    trials[BODY].at_limits = limits
+    as_they_are(monkeypatch, {BODY: trials[BODY], FORCE: a_trial(FORCE, 1.0, ends)})
+    said = list[str]()
+
+    def own_errors(fitted: Any) -> Any:
+        said.append(fitted.model.name)
+        return fitted
+
+    monkeypatch.setattr(moves_finals, "with_own_errors", own_errors)
+    monkeypatch.setattr(moves_finals, "to_the_end", lambda _scene, one, *_: one)
+    done = moves_finals.finished(SCENE, PRESENT, cast(Any, trials))
+    assert set(done) == set(trials)
+    assert said == asked
+
+
 def test_the_nearest_that_is_led_on_is_judged_by_where_it_ended(monkeypatch: Any) -> None:
     """A hung mass stood behind two ridges: as it was found at first it swung on from no move to the next, and was
     refused."""
