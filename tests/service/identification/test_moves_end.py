@@ -395,7 +395,7 @@ def test_the_way_from_a_motion_that_a_wrong_chain_has_made_leads_uphill(
 @pytest.mark.parametrize(
     ("white", "elsewhere", "light", "ended"),
     [
-        (0.99, 0.9, 0.9, 0.99),
+        (1.01, 0.9, 0.9, 1.01),
         (1.1, 0.9, 1.2, 0.9),
         (1.1, 1.0999, 1.2, 1.1),
         (1.1, 1.2, 1.0, 1.0),
