@@ -33,7 +33,7 @@ from tests.socketcan.simulated import (
 STEPS, SYNC_PERIOD_US, SPEED_LSB_RAD_S = 4, 2000, 0.05 * 2 * np.pi / 60
 METRES_PER_COUNT = SPEED_LSB_RAD_S * SYNC_PERIOD_US * 1e-6 * PINION_DIAMETER / (2 * GEAR_RATIO)
 
-ATTEMPTS = 3
+ATTEMPTS = 5
 """A guest that its busy host stops for 0.3 s loses its heartbeat, and the drive stops, rightly. One that is
 stopped for less has no even clock; that run is refused by this name once its steps are made, and is judged here
 by its bus log, which needs no clock."""

@@ -16,7 +16,7 @@ from tests.socketcan.uml import missing, run_in_guest
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 INSIDE = sorted(path.stem for path in HERE.glob("guest_*.py"))
-PATIENCE = 120.0
+PATIENCE = 300.0
 
 UNFIT = "ptrace set fp regs failed"
 """What user-mode-linux 6.1 says where the processor's extended registers are larger than the room that it has for them,
