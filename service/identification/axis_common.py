@@ -121,6 +121,15 @@ def is_common(selection: Selection[Explained], trial: Trial[Explained]) -> bool:
     return common(taken_instead(selection, trial))
 
 
+def indistinguishable(selection: Selection[Explained]) -> list[Selection[Explained]]:
+    """The selections as if each of the rivals of one effect had been taken instead of it."""
+    rivals = {name for pair in selection.rivals for name in pair} - set(selection.effects)
+    alone = [
+        (t.model.fitted.model.effects[-1].name, t) for t in selection.tried if len(selection.effects) == 1
+    ]
+    return [taken_instead(selection, trial) for name, trial in alone if name in rivals]
+
+
 def taken_instead(selection: Selection[Explained], trial: Trial[Explained]) -> Selection[Explained]:
     """The selection as if one that was tried had been taken, and nothing else."""
     return replace(selection, effects=(trial.model.fitted.model.effects[-1].name,), after=trial)

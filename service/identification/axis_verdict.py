@@ -15,6 +15,7 @@ from service.identification.axis_common import (
     common,
     common_comes_as_near,
     common_suffices,
+    indistinguishable,
     of_every_machine,
     taken_instead,
 )
@@ -109,8 +110,8 @@ def finding_of(
     leaves no more than `sound` may lack nothing, and one that leaves a little more only impurities, if nothing that is
     tried in their place changes the backlash, and if its channels need not be apart in time nor its chain be damped as
     none is, and neither the motors contradict it nor another channel hints at it, and no law that no such effect has
-    explains what is missing; a model that is all this with what every sound machine has lacks only that. What another
-    channel is the witness of has been judged by that.
+    explains what is missing; a model that is all this with what every sound machine has lacks only that, and so does
+    one with what nothing tells from it. What another channel is the witness of has been judged by that.
     """
     before, after, effects = selection.before, selection.after, selection.effects
     if effects and effects == selection.witnessed:
@@ -125,7 +126,9 @@ def finding_of(
     if not _matters(selection):
         if _little(before) and not _clear(selection, seen_at_rest):
             return ("none" if of_library and _as_sound(selection) else nothing), ()
-        if of_every_machine(selection):
+        if of_every_machine(selection) or any(
+            of_every_machine(other) and not _matters(other) for other in indistinguishable(selection)
+        ):
             return "none", ()
     return ("effect", effects) if _explanation(selection, seen_at_rest) else ("unknown", ())
 

@@ -34,6 +34,32 @@ def test_what_a_mesh_explains_as_well_is_no_finding_where_the_backlash_stays(
 
 
 @pytest.mark.parametrize(
+    ("rival", "other", "backlash", "found"),
+    [
+        ("transmission_ripple", "transmission_ripple", 30e-6, "none"),
+        ("transmission_ripple", "transmission_ripple", 34e-6, "effect"),
+        ("sensor_gain", "sensor_gain", 30e-6, "effect"),
+        ("sensor_gain", "transmission_ripple", 30e-6, "effect"),
+    ],
+    ids=["mesh", "a mesh by which the backlash is another", "not of every machine", "another explains more"],
+)
+def test_what_nothing_tells_from_a_mesh_is_no_finding_where_the_backlash_stays(
+    monkeypatch: pytest.MonkeyPatch, rival: str, other: str, backlash: float, found: str
+) -> None:
+    """A mesh error and a slightly bent contact were called a curve of friction, or a mesh error."""
+    mesh, curve = trial(1.3, 1.4), trial(1.2, 1.3)
+    of_mesh = mesh.model.fitted
+    monkeypatch.setattr(
+        axis_verdict, "backlash_of", lambda fitted, _: (backlash if fitted is of_mesh else 30e-6, 1e-7)
+    )
+    monkeypatch.setattr(axis_common, "deviations", lambda _fitted: {})
+    mesh.model.fitted.model.effects = (SimpleNamespace(name=other),)
+    effects, rivals = ("curved_friction",), (("curved_friction", rival),)
+    selection = Selection(trial(1.9, 3.0), curve, effects, (), rivals, tried=(mesh,))
+    assert axis_verdict.finding_of(selection)[0] == found
+
+
+@pytest.mark.parametrize(
     ("name", "other", "rms", "train", "found"),
     [
         ("gearbox_clearance", "transmission_ripple", 1.14, 1.0, "none"),
