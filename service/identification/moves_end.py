@@ -98,7 +98,7 @@ AS_WELL = 1.1
 """How much farther from the moves a fit with a sound damping may be, or one that is begun elsewhere (chosen)."""
 EXPECTED = 1.02
 """RMS of whitened residuals up to which they are as expected (chosen: right fits that left between 1.00 and 1.02 were
-led nowhere over ridges, six of six, and one that left 1.12 to 1.04)."""
+led nowhere over ridges, four of four, and one that left 1.12 to 1.04)."""
 WIDER, UNREACHED = 1.02, 0.1
 """By what a gap is multiplied whose second flank may not be reached, and the share of what the sum of squares would
 rise by, if it were known as closely as the fit claims, up to which it is not (chosen)."""
