@@ -178,6 +178,7 @@ def test_all_play_is_divided_whether_or_not_there_is_a_second_gap_yet() -> None:
     ("present", "nearest", "varied"),
     [
         (4.0, (3.8, 1.2), 0),  # takes a tenth of what shows: another effect is met halfway
+        (1.22, (1.18, 1.08, 1.075), 2),  # a fifth of what shows, which led to a second gap
         (4.0, (2.0, 1.99), 1),  # gains nothing more
         (4.0, (2.0, 1.5, 1.49), 2),
         (4.0, (2.0, 1.5, 1.4, 1.3, 1.2), 3),
