@@ -122,12 +122,12 @@ def is_common(selection: Selection[Explained], trial: Trial[Explained]) -> bool:
 
 
 def indistinguishable(selection: Selection[Explained]) -> list[Selection[Explained]]:
-    """The selections as if each of the rivals of one effect had been taken instead of it."""
+    """The selections as if each of the rivals of one effect had been taken instead of it; none beside several."""
+    if len(selection.effects) != 1:
+        return []
     rivals = {name for pair in selection.rivals for name in pair} - set(selection.effects)
-    alone = [
-        (t.model.fitted.model.effects[-1].name, t) for t in selection.tried if len(selection.effects) == 1
-    ]
-    return [taken_instead(selection, trial) for name, trial in alone if name in rivals]
+    others = (taken_instead(selection, trial) for trial in selection.tried)
+    return [other for other in others if other.effects[0] in rivals]
 
 
 def taken_instead(selection: Selection[Explained], trial: Trial[Explained]) -> Selection[Explained]:
