@@ -215,8 +215,8 @@ def searched(
     but: Sequence[type[DrivenEffect]] = (),
 ) -> Selection[Explained]:
     """What is found in the library, `but` for some, also of two effects that are found together only; with `first`, of
-    which there is other evidence, begun with nothing else and however little is missing. Where that is not known, what
-    every sound machine has may be all."""
+    which there is other evidence, begun with nothing else and however little is missing. Where it ends
+    unknown, what every sound machine has may be all."""
     held = {effect.name for effect in before.model.fitted.model.effects} | {kind.name for kind in but}
     library = tuple(kind for kind in DRIVEN.values() if kind.name not in held)
     found = selected(

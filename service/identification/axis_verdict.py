@@ -255,10 +255,10 @@ def _little(trial: Trial[Explained]) -> bool:
 
 
 def _as_sound(selection: Selection[Explained]) -> bool:
-    """Whether with no more than every sound machine has next to nothing is left of all moves, no channels need be apart
-    in time, and the motors say nothing else."""
+    """Whether with no more than every sound machine has, in numbers that there are, next to nothing is left of all
+    moves, no channels need be apart in time, and the motors say nothing else."""
     after = selection.after
-    described = max(after.train_rms, after.validation_rms) <= LEFT_BY_CLEAN
+    described = max(after.train_rms, after.validation_rms) <= LEFT_BY_CLEAN and not after.at_limits
     return described and of_every_machine(selection) and _in_time(after) and not _spoken_against(after)
 
 

@@ -178,15 +178,24 @@ def test_a_model_that_foretells_badly_and_that_the_motors_contradict_plainly_is_
 
 
 @pytest.mark.parametrize(
-    ("after", "motors", "found"),
-    [((1.0, 1.0), 1.4, "none"), ((1.0, 1.0), 3.2, "unknown"), ((1.0, 1.3), 1.4, "unknown")],
-    ids=["sound", "contradicted, too", "leaves something"],
+    ("after", "limits", "motors", "found"),
+    [
+        ((1.0, 1.0), (), 1.4, "none"),
+        ((1.0, 1.0), (), 3.2, "unknown"),
+        ((1.0, 1.3), (), 1.4, "unknown"),
+        ((1.0, 1.0), ("X1.ripple_period",), 1.4, "unknown"),
+    ],
+    ids=["sound", "contradicted, too", "leaves something", "no such mesh"],
 )
 def test_what_every_sound_machine_has_may_be_what_the_motors_contradict_a_model_without_it_for(
-    monkeypatch: pytest.MonkeyPatch, after: tuple[float, float], motors: float, found: str
+    monkeypatch: pytest.MonkeyPatch,
+    after: tuple[float, float],
+    limits: tuple[str, ...],
+    motors: float,
+    found: str,
 ) -> None:
     """A mesh error and a bent contact: the motors left 3.2 without them."""
-    before, both = trial(1.17, 2.7), trial(*after)
+    before, both = trial(1.17, 2.7), replace(trial(*after), at_limits=limits)
     left = {id(before.model.fitted): 3.2, id(both.model.fitted): motors}
     monkeypatch.setattr(axis_verdict, "left_by_motors", lambda fitted: np.array([left[id(fitted)]]))
     monkeypatch.setattr(axis_verdict, "backlash_of", lambda _fitted, _axis: (57e-6, 1e-7))
