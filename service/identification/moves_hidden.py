@@ -84,8 +84,10 @@ numbers by which they contradicted it (chosen: those with two gaps leave 2.1 and
 OF_FEW = 0.4
 """Share of what a few moves and their motors show from which on what takes it is fitted to all (chosen: two gaps
 take about half of it or more where they are found at all, and up to two fifths on machines that have but one)."""
-SEARCHES = 3
-"""How often at most the valleys of a few moves are searched (chosen)."""
+SEARCHES, AFAR = 3, 2.5
+"""How often at most the valleys of a few moves are searched, and what the nearest may leave of these and their motors
+if it is to be the right one (chosen: wrong ones left 3.5 and more on two machines with two gaps, right ones 2.6 and
+less)."""
 HINT = 1.0 / 3.0
 """Share of what samples and motors show from which on something hides there, although no fit found it (chosen)."""
 NO_GAP = 1e-6
@@ -201,8 +203,8 @@ def hidden(
     name, gain = nearest.model.effects[-1].name, Gain.of(present, nearest)
     trial = trial_of(scene, nearest, thorough=gain.is_of(PART))
     if not (nothing_left(nearest) and describes_all(before, trial)):
-        two_gaps = nearest.rms <= SOUND and not closed(nearest)
-        divided = otherwise_divided(nearest) if two_gaps else nearest
+        near = nearest.rms <= (HOPELESS if gain.is_of(PART) else SOUND)
+        divided = otherwise_divided(nearest) if near and not closed(nearest) else nearest
         gain = Gain.of(present, divided)
         trial = trial if divided is nearest else trial_of(scene, divided, thorough=gain.is_of(PART))
     tell(f"tried {name}: {gain.together[1]:.3f} with the motors (now {gain.together[0]:.3f})")
@@ -222,17 +224,20 @@ def leads(scene: Scene, before: Trial[Explained], kinds: Sequence[type[DrivenEff
 
 def promising(scene: Scene, base: Fitted, candidate: DrivenCandidate) -> list[Fitted]:
     """The fits of a few moves in the candidate's best valleys, of those that are not hopeless and take `OF_FEW` of what
-    the present model leaves of these moves and their motors. Where the samples are described and only the motors are
-    not, it is a gap that they speak of as a rule: none promising, it is searched again, for where a search begins is
-    chance."""
+    the present model leaves of these moves and their motors. Where a search begins is chance: they are searched again
+    if the nearest is `AFAR`, or if none is promising where the samples are described and only the motors are not, as
+    it is a gap that they speak of as a rule."""
     present = left_at_present(asked(base), base)
-    for seed in range(SEED, SEED + (SEARCHES if base.rms <= LEFT else 1)):
+    near = list[Fitted]()
+    for seed in range(SEED, SEED + SEARCHES):
         found = valleys(scene, base, candidate, seed)
         sound = [one for one in found if one.rms_with_motors < HOPELESS]
-        near = [one for one in sound if gone(present, one.rms_with_motors, OF_FEW)]
-        if near or not (found and worth_following(present, found[0].rms_with_motors)):
+        near += [one for one in sound if gone(present, one.rms_with_motors, OF_FEW)]
+        followed = bool(found) and worth_following(present, found[0].rms_with_motors)
+        afar = min((one.rms_with_motors for one in near), default=np.inf) > AFAR
+        if not (afar if near else followed and base.rms <= LEFT):
             break
-    return near[:VALLEYS]
+    return nearest_of(near, VALLEYS)
 
 
 def on_all_moves(base: Fitted, begun: Sequence[Fitted], present: Fitted) -> Fitted:

@@ -39,9 +39,9 @@ FEW, BRIEF = 4, 5
 """Moves, at most, and rounds with which starts are compared."""
 SAME_PLACE = 1e-4
 """Distance within which two moves begin at one place [m] (chosen: none of what depends on the place differs there)."""
-TOO_MUCH = 4.0
-"""RMS of the present model from which on an effect whose fits have many valleys is not searched for: more is missing
-than a split gap."""
+TOO_MUCH = 8.0
+"""RMS of the present model from which on an effect whose fits have many valleys is not searched for (chosen: two gaps
+leave up to 6.5 beside one)."""
 MISLED = 0.9
 """RMS on the measured motion over that on the one that a model's own force made, below which that force is wrong
 (chosen: the motion was made for this very model)."""
