@@ -84,7 +84,7 @@ numbers by which they contradicted it (chosen: those with two gaps leave 2.1 and
 OF_FEW = 0.4
 """Share of what a few moves and their motors show from which on what takes it is fitted to all (chosen: two gaps
 take about half of it or more where they are found at all, and up to two fifths on machines that have but one)."""
-SEARCHES, AFAR = 3, 2.5
+SEARCHES, AFAR = 3, 3.0
 """How often at most the valleys of a few moves are searched, and what the nearest may leave of these and their motors
 if it is to be the right one (chosen: wrong ones left 3.5 and more on two machines with two gaps, right ones 2.6 and
 less)."""
