@@ -21,6 +21,7 @@ from service.identification.selection import (
     distance,
     explained,
     left,
+    most_left,
     shown,
 )
 
@@ -64,7 +65,7 @@ def of_every_machine(selection: Selection[Explained]) -> bool:
     not fitted, or explains a part of what is missing there; if it explains nearly all by itself, no more than its law
     leaves that differs from the machine's."""
     before, after = selection.before, selection.after
-    by_law = left(after) <= LEFT_BY_ONE and max(after.train_rms, after.validation_rms) <= CHANGED
+    by_law = left(after) <= LEFT_BY_ONE and most_left(after) <= CHANGED
     everything = before.validation_rms > CHANGED and shown(after) <= LEFT_BY_CLEAN
     foretold = shown(after) <= LEFT or explained(before, after, PART)
     whole = (by_itself(selection) and by_law) or (left(after) <= LEFT and foretold)
@@ -108,7 +109,7 @@ def common_suffices(selection: Selection[Explained]) -> bool:
     if not any(DRIVEN[name].many_valleys for name in selection.effects if name in DRIVEN):
         return False
     return any(
-        max(trial.train_rms, trial.validation_rms) <= LEFT_BY_CLEAN
+        most_left(trial) <= LEFT_BY_CLEAN
         and not trial.at_limits
         and explained(selection.before, trial, PART)
         and is_common(selection, trial)

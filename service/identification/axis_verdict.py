@@ -40,6 +40,7 @@ from service.identification.selection import (
     gone,
     gone_from_all,
     left,
+    most_left,
     shown,
     sole_fit,
 )
@@ -179,7 +180,7 @@ def _explanation(selection: Selection[Explained], seen_at_rest: tuple[str, ...])
     error = left if len(effects) == 1 else shown
     exact = any(DRIVEN[name].exact for name in effects if name in DRIVEN)
     near = error(after) <= (LEFT_BY_ONE if alone and not exact else LEFT)
-    near = near and max(after.train_rms, after.validation_rms) <= CHANGED
+    near = near and most_left(after) <= CHANGED
     return near and explained(before, after, PART) and _fitted_too(before, after)
 
 
@@ -192,7 +193,7 @@ def _sole(selection: Selection[Explained]) -> str | None:
 def _fitted_too(before: Trial[Explained], after: Trial[Explained]) -> bool:
     """Whether as large a part is gone from the moves that were fitted, or next to nothing is left there, or little in
     all: what predicts other moves and leaves those that it was fitted to as they were is not what acts."""
-    little = after.train_rms <= LEFT_BY_CLEAN or max(after.train_rms, after.validation_rms) <= LEFT
+    little = after.train_rms <= LEFT_BY_CLEAN or most_left(after) <= LEFT
     return little or gone(before.train_rms, after.train_rms, PART)
 
 
@@ -203,7 +204,7 @@ def _nothing_else_explains(selection: Selection[Explained]) -> bool:
     before, after, effects = selection.before, selection.after, selection.effects
     others = [t for t in selection.tried if t.model.fitted.model.effects[-1].name not in effects]
     predicted = explained(before, after, WHOLLY) or shown(after) <= SEARCHED
-    whole = max(after.train_rms, after.validation_rms) <= LEFT_BY_CLEAN and predicted
+    whole = most_left(after) <= LEFT_BY_CLEAN and predicted
     if common(selection) or not whole or before.validation_rms <= UNKNOWN_NUMBERS:
         return False
     return bool(others) and not any(explained(before, other, PART) for other in others)
@@ -229,7 +230,7 @@ def _of_no_library(selection: Selection[Explained]) -> bool:
     before = selection.before
     return any(
         trial.at_limits
-        and max(trial.train_rms, trial.validation_rms) <= LEFT_BY_CLEAN
+        and most_left(trial) <= LEFT_BY_CLEAN
         and explained(before, trial)
         and _matters(taken_instead(selection, trial))
         for trial in selection.tried
@@ -258,7 +259,7 @@ def _as_sound(selection: Selection[Explained]) -> bool:
     """Whether with no more than every sound machine has, in numbers that there are, next to nothing is left of all
     moves, no channels need be apart in time, and the motors say nothing else."""
     after = selection.after
-    described = max(after.train_rms, after.validation_rms) <= LEFT_BY_CLEAN and not after.at_limits
+    described = most_left(after) <= LEFT_BY_CLEAN and not after.at_limits
     return described and of_every_machine(selection) and _in_time(after) and not _spoken_against(after)
 
 

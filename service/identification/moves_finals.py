@@ -38,6 +38,7 @@ from service.identification.selection import (
     distance,
     gone,
     gone_from_all,
+    most_left,
     shown,
 )
 
@@ -230,4 +231,4 @@ def describes_all(present: Trial[Explained], trial: Trial[Explained]) -> bool:
 
 def described(trial: Trial[Explained]) -> bool:
     """Whether a model leaves next to nothing of all moves, with numbers that there are."""
-    return max(trial.train_rms, trial.validation_rms) <= DESCRIBED and not trial.at_limits
+    return most_left(trial) <= DESCRIBED and not trial.at_limits

@@ -22,7 +22,7 @@ from service.identification.moves_finals import (
 from service.identification.moves_looks import ENDED, noted
 from service.identification.moves_starts import BRIEF, ROUNDS, Candidate, fitted_from, placed
 from service.identification.scene import Scene
-from service.identification.selection import EXPLAINED, Trial, distance, gone_from_all
+from service.identification.selection import EXPLAINED, Trial, distance, gone_from_all, most_left
 
 
 def beside_likeness(
@@ -107,4 +107,4 @@ def as_near(
 
 def may_be_likeness(best: Trial[Explained]) -> bool:
     """Whether the nearest of all is near and yet leaves more than the right one does."""
-    return best.train_rms < SOUND and max(best.train_rms, best.validation_rms) > ENDED
+    return best.train_rms < SOUND and most_left(best) > ENDED

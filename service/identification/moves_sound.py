@@ -11,7 +11,7 @@ from service.dynamics.effects.driven_transmission import DrivenBentContact
 from service.identification.held_out import Explained
 from service.identification.moves_search import propose
 from service.identification.scene import Scene
-from service.identification.selection import CHANGED, LEFT_BY_CLEAN, Selection, Trial
+from service.identification.selection import CHANGED, LEFT_BY_CLEAN, Selection, Trial, most_left
 
 
 def with_impurities(
@@ -21,11 +21,11 @@ def with_impurities(
     as it is where they leave more, or the model before more than impurities do, or where the contact was not tried."""
     alone = {trial.model.fitted.model.effects[-1].name: trial for trial in found.tried}
     bent = alone.get(DrivenBentContact.name)
-    if bent is None or max(before.train_rms, before.validation_rms) > CHANGED:
+    if bent is None or most_left(before) > CHANGED:
         return found
     tell("nothing explains it alone: a mesh error beside a bent contact")
     beside = propose(scene, (DrivenRipple,), bent, (DrivenBentContact.name,), tell)
     after = beside.get(DrivenRipple.name, before)
-    if max(after.train_rms, after.validation_rms) > LEFT_BY_CLEAN:
+    if most_left(after) > LEFT_BY_CLEAN:
         return found
     return replace(found, after=after, effects=(DrivenBentContact.name, DrivenRipple.name), rivals=())

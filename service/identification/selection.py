@@ -104,6 +104,11 @@ def left(trial: Trial[ModelT]) -> float:
     return min(trial.train_rms, trial.validation_rms)
 
 
+def most_left(trial: Trial[ModelT]) -> float:
+    """What a model leaves of the moves that were fitted or of those that were not, whichever is more."""
+    return max(trial.train_rms, trial.validation_rms)
+
+
 def shown(trial: Trial[ModelT]) -> float:
     """What shows that something is missing: an error in the moves that were fitted, or one in those that were not,
     larger than what numbers can do that are not known well enough."""
