@@ -28,6 +28,7 @@ from service.identification.scene import Scene, declared_fits, scene_of
 from service.identification.selection import (
     EXPLAINED,
     LEFT,
+    LEFT_BY_CLEAN,
     Limits,
     Selection,
     Trial,
@@ -35,6 +36,7 @@ from service.identification.selection import (
     gone,
     gone_from_all,
     left,
+    most_left,
     select,
     shown,
 )
@@ -215,8 +217,8 @@ def searched(
     but: Sequence[type[DrivenEffect]] = (),
 ) -> Selection[Explained]:
     """What is found in the library, `but` for some, also of two effects that are found together only; with `first`, of
-    which there is other evidence, begun with nothing else and however little is missing. Where it ends
-    unknown, what every sound machine has may be all."""
+    which there is other evidence, begun with nothing else and however little is missing. Where it ends unknown, or with
+    a part of what every sound machine has, that may be all."""
     held = {effect.name for effect in before.model.fitted.model.effects} | {kind.name for kind in but}
     library = tuple(kind for kind in DRIVEN.values() if kind.name not in held)
     found = selected(
@@ -228,10 +230,15 @@ def searched(
         tell,
         replace(limits, enough=0.0) if first else limits,
     )
-    if first or finding_of(found)[0] != "unknown":
+    if first:
         return found
-    found = in_company(scene, before, found, library, tell)
-    sound = with_impurities(scene, before, found, tell) if finding_of(found)[0] == "unknown" else found
+    if finding_of(found)[0] == "unknown":
+        found = in_company(scene, before, found, library, tell)
+    finding, _ = finding_of(found)
+    in_part = finding == "none" and bool(found.effects) and most_left(found.after) > LEFT_BY_CLEAN
+    if not (finding == "unknown" or in_part):
+        return found
+    sound = with_impurities(scene, before, found, tell)
     return sound if finding_of(sound)[0] == "none" else found
 
 

@@ -32,22 +32,20 @@ def alone(before: Trial[Any], *tried: Trial[Any]) -> Selection[Any]:
 
 
 @pytest.mark.parametrize(
-    ("before", "tried", "together", "taken"),
+    ("before", "together", "taken"),
     [
-        ((1.2, 2.7), BENT, (1.0, 1.0), True),
-        ((1.2, 2.7), BENT, (1.2, 1.3), False),
-        ((1.2, 2.7), BENT, (1.3, 1.2), False),
-        ((1.2, 2.7), BENT, None, False),
-        ((1.2, 2.7), RIPPLE, (1.0, 1.0), False),
-        ((4.1, 2.7), BENT, (1.0, 1.0), False),
-        ((1.2, 4.1), BENT, (1.0, 1.0), False),
+        ((1.2, 2.7), (1.0, 1.0), True),
+        ((1.2, 2.7), (1.2, 1.3), False),
+        ((1.2, 2.7), (1.3, 1.2), False),
+        ((1.2, 2.7), None, False),
+        ((4.1, 2.7), (1.0, 1.0), False),
+        ((1.2, 4.1), (1.0, 1.0), False),
     ],
     ids=[
         "leave next to nothing",
         "leave more of others",
         "leave more of what was fitted",
         "out of reach",
-        "contact not tried",
         "much is missing",
         "much is missing elsewhere",
     ],
@@ -55,12 +53,11 @@ def alone(before: Trial[Any], *tried: Trial[Any]) -> Selection[Any]:
 def test_a_mesh_error_is_fitted_beside_a_bent_contact_where_both_may_be_all(
     monkeypatch: pytest.MonkeyPatch,
     before: tuple[float, float],
-    tried: str,
     together: tuple[float, float] | None,
     taken: bool,
 ) -> None:
     """Each alone left 1.1 of the noise, as much as before, and both together nothing."""
-    bent, present = named(tried, 1.1, 2.1), named("dead_zone", *before)
+    bent, present = named(BENT, 1.1, 2.1), named("dead_zone", *before)
 
     def propose(
         _scene: Any, library: Any, begun: Trial[Any], beside: Any, _tell: Any
@@ -82,14 +79,68 @@ def test_a_mesh_error_is_fitted_beside_a_bent_contact_where_both_may_be_all(
 
 
 @pytest.mark.parametrize(
-    ("first", "with_both", "asked", "taken"),
-    [("unknown", "none", True, True), ("unknown", "unknown", True, False), ("none", "none", False, False)],
+    ("bent", "ripple", "leads", "begun"),
+    [
+        ((1.1, 1.5), (1.3, 1.4), RIPPLE, [BENT, RIPPLE]),
+        ((1.1, 1.5), (1.3, 1.4), BENT, [BENT]),
+        ((1.2, 1.7), (1.3, 1.4), RIPPLE, [RIPPLE]),
+        ((1.1, 1.5), (1.3, 1.4), None, [BENT, RIPPLE]),
+    ],
+    ids=["the farther one leads to both", "the nearer one does", "the mesh error is nearer", "none does"],
+)
+def test_the_nearer_of_both_is_begun_with_and_the_other_where_that_leads_nowhere(
+    monkeypatch: pytest.MonkeyPatch,
+    bent: tuple[float, float],
+    ripple: tuple[float, float],
+    leads: str | None,
+    begun: list[str],
+) -> None:
+    """A mesh error has been taken, and ended nearer than it was when it was tried."""
+    asked = list[str]()
+    ended, both = named(RIPPLE, *ripple), named("both", 1.0, 1.0)
+
+    def propose(_scene: Any, library: Any, start: Trial[Any], beside: Any, _tell: Any) -> Any:
+        (name,), (kind,) = beside, library
+        assert {name, kind.name} == {BENT, RIPPLE}
+        assert start is ended if name == RIPPLE else start.train_rms == bent[0]
+        asked.append(name)
+        return {kind.name: both} if name == leads else {}
+
+    monkeypatch.setattr(moves_sound, "propose", propose)
+    present = named("dead_zone", 1.4, 1.6)
+    tried = (named(BENT, *bent), named(RIPPLE, 2.0, 2.0))
+    search = Selection(present, ended, (RIPPLE,), (), (), tried=tried)
+    out = with_impurities(ANY, present, search, quiet)
+    assert asked == begun
+    if leads:
+        assert (out.after, set(out.effects)) == (both, {BENT, RIPPLE})
+    else:
+        assert out is search
+
+
+@pytest.mark.parametrize(
+    ("first", "effects", "left", "with_both", "asked", "taken"),
+    [
+        ("unknown", (), 2.7, "none", True, True),
+        ("unknown", (), 2.7, "unknown", True, False),
+        ("none", (), 2.7, "none", False, False),
+        ("none", (RIPPLE,), 1.35, "none", True, True),
+        ("none", (RIPPLE,), 1.2, "none", False, False),
+        ("effect", (RIPPLE,), 1.35, "none", False, False),
+    ],
+    ids=["unknown", "still unknown", "nothing", "a part of it", "all of it", "a finding"],
 )
 def test_what_every_sound_machine_has_is_asked_for_where_nothing_else_explains_what_is_missing(
-    monkeypatch: pytest.MonkeyPatch, first: str, with_both: str, asked: bool, taken: bool
+    monkeypatch: pytest.MonkeyPatch,
+    first: str,
+    effects: tuple[str, ...],
+    left: float,
+    with_both: str,
+    asked: bool,
+    taken: bool,
 ) -> None:
     before = named("dead_zone", 1.2, 2.7)
-    search = alone(before)
+    search = replace(alone(before), effects=effects, after=named("last", 1.1, left))
     both = replace(search, effects=(BENT, RIPPLE))
     said = list[str]()
 
