@@ -11,7 +11,7 @@ from service.dynamics.driven_model import DrivenEffect
 from service.dynamics.effects.driven_library import DRIVEN
 from service.dynamics.effects.driven_sensors import DrivenBias
 from service.identification.axis_common import LEFT_BY_ONE
-from service.identification.axis_verdict import SMALL, finding_of, verdict
+from service.identification.axis_verdict import SMALL, finding_of, little, verdict
 from service.identification.explanation import Accepted, AxisExplanation, Candidate
 from service.identification.given_effects import as_accepted, names_of, with_effects_of
 from service.identification.held_out import DESCRIBED, SEARCHED, Explained, overdamped, trial_of
@@ -28,7 +28,6 @@ from service.identification.scene import Scene, declared_fits, scene_of
 from service.identification.selection import (
     EXPLAINED,
     LEFT,
-    LEFT_BY_CLEAN,
     Limits,
     Selection,
     Trial,
@@ -36,7 +35,6 @@ from service.identification.selection import (
     gone,
     gone_from_all,
     left,
-    most_left,
     select,
     shown,
 )
@@ -132,19 +130,33 @@ def missing_in(
         beyond = left(before) > FURTHER[1]
         return searched(scene, before, tell, BEYOND) if beyond else nothing_beyond(before)
     by_motors = float(np.max(left_by_motors(before.model.fitted)))
-    if by_motors > CONTRADICTED and before.train_rms < TOO_MUCH:
+    contradict = by_motors > CONTRADICTED and before.train_rms < TOO_MUCH
+    if contradict:
         tell(f"the motors' equations of motion leave {by_motors:.1f} of the noise")
-        return contradicted(scene, before, by_motors > PLAINLY * before.train_rms, tell)
+    sound = nothing_beyond(before)
+    if little(before) and (contradict or shown(before) > SEARCHED):
+        impure = with_impurities(scene, before, tell)
+        sound = impure if finding_of(impure)[0] == "none" else sound
+    if contradict:
+        return contradicted(scene, before, by_motors > PLAINLY * before.train_rms, sound, tell)
+    if sound.effects:
+        return sound
     if shown(before) <= SEARCHED and before.validation_rms > DESCRIBED and not by_motors:
         return searched(scene, before, tell, OF_HIDDEN, first=HIDDEN)
     return searched(scene, before, tell, LIMITS, but=HIDDEN if 0.0 < by_motors <= CONTRADICTED else ())
 
 
 def contradicted(
-    scene: Scene, before: Trial[Explained], plainly: bool, tell: Callable[[str], None]
+    scene: Scene,
+    before: Trial[Explained],
+    plainly: bool,
+    sound: Selection[Explained],
+    tell: Callable[[str], None],
 ) -> Selection[Explained]:
-    """What is missing where the motors contradict the model. If nothing is found with which their equations of motion
-    hold, what swings is asked for at all frequencies, and taken if they hold with it; then what may be hidden: it has
+    """What is missing where the motors contradict the model. Where what every `sound` machine has describes the moves,
+    it is all, if their equations of motion hold with it, and nothing but what may be hidden is asked for if not. If
+    nothing is found with which they hold, what swings is asked for at all frequencies, and taken if they do; then what
+    may be hidden: it has
     its name if the other moves are described with it, too, or if nothing else is found that describes them better, or
     nothing with which the motors agree as they do with it, and is a hint otherwise. Where they speak `plainly`, while
     the moves that were fitted are nearly described, as one gap describes two, and it comes nearer to a few moves, this
@@ -152,6 +164,8 @@ def contradicted(
     those that were fitted and of their motors; nor what swings, if the motors are described with this or with what else
     was found. Where what was asked for first only led to a machine on which the model before comes nearer, all is asked
     anew from there."""
+    if sound.effects and describes_motors(before, sound.after):
+        return sound
     witnessed = as_heard_by_motors(before).validation_rms > 0.0
     imitated = plainly and witnessed and before.train_rms < SOUND
     asked_first = imitated and leads(scene, before, HIDDEN)
@@ -163,11 +177,12 @@ def contradicted(
             return missing_in(scene, elsewhere, (), tell)
         if nothing_left(first.after.model.fitted) or describes_motors(before, first.after):
             return first
-    beside = searched(scene, before, tell, LIMITS, but=HIDDEN if witnessed else ())
+    but = HIDDEN if witnessed else ()
+    beside = sound if sound.effects else searched(scene, before, tell, LIMITS, but=but)
     if beside.effects and describes_motors(before, beside.after):
         return beside
     told = [one for one in (first, beside) if one and one.effects and reconciled(before, one.after)]
-    if witnessed and not told:
+    if witnessed and not told and not sound.effects:
         swung = selected(
             scene,
             before,
@@ -217,8 +232,8 @@ def searched(
     but: Sequence[type[DrivenEffect]] = (),
 ) -> Selection[Explained]:
     """What is found in the library, `but` for some, also of two effects that are found together only; with `first`, of
-    which there is other evidence, begun with nothing else and however little is missing. Where it ends unknown, or with
-    a part of what every sound machine has, that may be all."""
+    which there is other evidence, begun with nothing else and however little is missing. Where it ends unknown, and
+    more is missing than was judged before, what every sound machine has may be all."""
     held = {effect.name for effect in before.model.fitted.model.effects} | {kind.name for kind in but}
     library = tuple(kind for kind in DRIVEN.values() if kind.name not in held)
     found = selected(
@@ -230,16 +245,13 @@ def searched(
         tell,
         replace(limits, enough=0.0) if first else limits,
     )
-    if first:
+    if first or finding_of(found)[0] != "unknown":
         return found
-    if finding_of(found)[0] == "unknown":
-        found = in_company(scene, before, found, library, tell)
-    finding, _ = finding_of(found)
-    in_part = finding == "none" and bool(found.effects) and most_left(found.after) > LEFT_BY_CLEAN
-    if not (finding == "unknown" or in_part):
+    found = in_company(scene, before, found, library, tell)
+    if little(before) or finding_of(found)[0] != "unknown":
         return found
-    sound = with_impurities(scene, before, found, tell)
-    return sound if finding_of(sound)[0] == "none" else found
+    sound = with_impurities(scene, before, tell)
+    return sound if sound.effects and finding_of(sound)[0] == "none" else found
 
 
 def in_company(

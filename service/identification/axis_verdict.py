@@ -119,13 +119,13 @@ def finding_of(
         return "effect", effects
     sound = max(sound, SMALL) if _undisputed(selection) else sound
     usual = _in_time(before) and _usual(before) and not _contradicted(before)
-    sound_enough = _little(before) and left(after) <= sound and usual
+    sound_enough = little(before) and left(after) <= sound and usual
     of_library = not (selection.hinted or _of_no_library(selection))
     nothing: Finding = "none" if sound_enough and of_library else "unknown"
-    if not effects or (_little(before) and common_suffices(selection)):
+    if not effects or (little(before) and common_suffices(selection)):
         return nothing, ()
     if not _matters(selection):
-        if _little(before) and not _clear(selection, seen_at_rest):
+        if little(before) and not _clear(selection, seen_at_rest):
             return ("none" if of_library and _as_sound(selection) else nothing), ()
         if of_every_machine(selection) or any(
             of_every_machine(other) and not _matters(other) for other in indistinguishable(selection)
@@ -250,7 +250,7 @@ def _undisputed(selection: Selection[Explained]) -> bool:
     return bool(near)
 
 
-def _little(trial: Trial[Explained]) -> bool:
+def little(trial: Trial[Explained]) -> bool:
     """Whether what the declared model leaves may be an impurity too small to matter."""
     return left(trial) <= SMALL and trial.validation_rms <= CHANGED
 

@@ -129,6 +129,17 @@ def proposed(
     return trials | as_near(scene, present, trials)
 
 
+def roughly(
+    scene: Scene, present: Trial[Explained], kind: type[DrivenEffect], taken: tuple[str, ...]
+) -> Trial[Explained]:
+    """One effect fitted to all train moves beside those that were `taken`, and to no end."""
+    base = on_sound_motion(present.model.fitted)
+    (candidate,) = candidates(base.model, (kind,), taken)
+    brief, _ = compared(scene, base, [candidate], np.inf, taken)
+    first, *_ = refitted(base, brief[candidate.name], np.inf)
+    return trial_of(scene, fit(first.moves, first.model, first.at, ROUNDS), thorough=False)
+
+
 def worth_all_moves(base: Fitted) -> float:
     """How near to a few moves an effect must come to be fitted to all, where the present fit does not describe these
     few either: what is missing in them it would explain a part of."""

@@ -1,37 +1,49 @@
 """What every rack and every flank has a little of, in company: each alone may describe nothing, as the other leaves as
-much."""
+much, and much else imitates either of them, but hardly both, in moves that were not fitted, too."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
+from service.dynamics.driven_model import DrivenEffect
+from service.dynamics.effects.driven_library import DRIVEN
 from service.dynamics.effects.driven_ripple import DrivenRipple
 from service.dynamics.effects.driven_transmission import DrivenBentContact
+from service.identification.explanation import Candidate
 from service.identification.held_out import Explained
-from service.identification.moves_search import propose
+from service.identification.moves_finals import described
+from service.identification.moves_search import roughly
 from service.identification.scene import Scene
-from service.identification.selection import CHANGED, LEFT_BY_CLEAN, Selection, Trial, distance, most_left
+from service.identification.selection import (
+    CHANGED,
+    PART,
+    Selection,
+    Trial,
+    gain_p_value,
+    gone_from_all,
+    most_left,
+)
+
+IMPURITIES: tuple[type[DrivenEffect], ...] = (DrivenBentContact, DrivenRipple)
+"""In the order in which they are fitted: of a mesh error that stands alone the place of what a contact does is not
+told, and the fit of the contact beside it may end elsewhere."""
 
 
 def with_impurities(
-    scene: Scene, before: Trial[Explained], found: Selection[Explained], tell: Callable[[str], None]
+    scene: Scene, before: Trial[Explained], tell: Callable[[str], None]
 ) -> Selection[Explained]:
-    """The selection as if a bent contact and a mesh error had been found, where they leave next to nothing: the one of
-    them that comes nearer is begun with, and if that leads nowhere, the other, since what the first leaves of the moves
-    that were fitted may be too little to go by. The selection as it is where they leave more, or the model before more
-    than impurities do."""
+    """The selection as if a bent contact, and a mesh error beside it, had been found, where they describe all moves and
+    take a `PART` away of what the model before leaves of them; nothing where they leave more, or that model more than
+    impurities do."""
     if most_left(before) > CHANGED:
-        return found
-    kinds = {kind.name: kind for kind in (DrivenBentContact, DrivenRipple)}
-    alone = {trial.model.fitted.model.effects[-1].name: trial for trial in found.tried}
-    if len(found.effects) == 1:
-        alone[found.effects[0]] = found.after
-    for name in sorted(kinds.keys() & alone.keys(), key=lambda name: distance(alone[name])):
-        (other,) = kinds.keys() - {name}
-        tell(f"{name} may be all there is, with {other} beside it")
-        beside = propose(scene, (kinds[other],), alone[name], (name,), tell)
-        after = beside.get(other, before)
-        if most_left(after) <= LEFT_BY_CLEAN:
-            return replace(found, after=after, effects=(name, other), rivals=())
-    return found
+        return Selection(before, before, (), (), ())
+    tell("what every sound machine has a little of: a bent contact, and a mesh error beside it")
+    present, said = before, list[Candidate]()
+    for kind in IMPURITIES:
+        present = roughly(scene, present, kind, tuple(one.effect for one in said))
+        p_value = min(1.0, len(DRIVEN) * gain_p_value(before, present))
+        why = "every sound machine has a little of it"
+        said.append(Candidate(kind.name, present.held_rms, p_value, False, why))
+    if not (described(present) and gone_from_all(before, present, PART)):
+        return Selection(before, before, (), (), ())
+    return Selection(before, present, tuple(one.effect for one in said), tuple(said), ())
