@@ -113,10 +113,10 @@ def missing_in(
 ) -> Selection[Explained]:
     """What is missing in the model that is declared, or that was accepted. A zero that is seen to wander at rest is
     asked for first; nothing else is where most of it differs between moves that are alike, which no effect explains.
-    The motors are asked where their equations of motion do not hold; where they hold, nothing is hidden between motor
-    and load. Where no torque was recorded and only numbers may do it that are not known, nothing is asked for but what
-    may be hidden. What accepted effects leave is the next one's only where it is more than a law leaves that differs a
-    little from the machine's, as after a first effect."""
+    Where little is, what every sound machine has may be all. The motors are asked where their equations of motion do
+    not hold; where they hold, nothing is hidden between motor and load. Where no torque was recorded and only numbers
+    may do it that are not known, nothing is asked for but what may be hidden. What accepted effects leave is the next
+    one's only where it is more than a law leaves that differs a little from the machine's, as after a first effect."""
     if scene.zero_wanders and DrivenBias.name not in accepted:
         tell("the accelerometer's zero wanders while the axis rests")
         found = searched(scene, before, tell, LIMITS, first=(DrivenBias,))
@@ -133,30 +133,30 @@ def missing_in(
     contradict = by_motors > CONTRADICTED and before.train_rms < TOO_MUCH
     if contradict:
         tell(f"the motors' equations of motion leave {by_motors:.1f} of the noise")
-    sound = nothing_beyond(before)
     if little(before) and (contradict or shown(before) > SEARCHED):
-        impure = with_impurities(scene, before, tell)
-        sound = impure if finding_of(impure)[0] == "none" else sound
+        sound = with_impurities(scene, before, tell)
+        if sound.effects and suffices(scene, before, sound, contradict):
+            return sound
     if contradict:
-        return contradicted(scene, before, by_motors > PLAINLY * before.train_rms, sound, tell)
-    if sound.effects:
-        return sound
+        return contradicted(scene, before, by_motors > PLAINLY * before.train_rms, tell)
     if shown(before) <= SEARCHED and before.validation_rms > DESCRIBED and not by_motors:
         return searched(scene, before, tell, OF_HIDDEN, first=HIDDEN)
     return searched(scene, before, tell, LIMITS, but=HIDDEN if 0.0 < by_motors <= CONTRADICTED else ())
 
 
+def suffices(scene: Scene, before: Trial[Explained], sound: Selection[Explained], contradict: bool) -> bool:
+    """Whether what every sound machine has is all that is missing: no finding, and where the motors `contradict` the
+    model before, they do not with it, or what may be hidden comes no nearer to a few moves and motors."""
+    if finding_of(sound)[0] != "none":
+        return False
+    return not contradict or describes_motors(before, sound.after) or not leads(scene, before, HIDDEN)
+
+
 def contradicted(
-    scene: Scene,
-    before: Trial[Explained],
-    plainly: bool,
-    sound: Selection[Explained],
-    tell: Callable[[str], None],
+    scene: Scene, before: Trial[Explained], plainly: bool, tell: Callable[[str], None]
 ) -> Selection[Explained]:
-    """What is missing where the motors contradict the model. Where what every `sound` machine has describes the moves,
-    it is all, if their equations of motion hold with it, and nothing but what may be hidden is asked for if not. If
-    nothing is found with which they hold, what swings is asked for at all frequencies, and taken if they do; then what
-    may be hidden: it has
+    """What is missing where the motors contradict the model. If nothing is found with which their equations of motion
+    hold, what swings is asked for at all frequencies, and taken if they hold with it; then what may be hidden: it has
     its name if the other moves are described with it, too, or if nothing else is found that describes them better, or
     nothing with which the motors agree as they do with it, and is a hint otherwise. Where they speak `plainly`, while
     the moves that were fitted are nearly described, as one gap describes two, and it comes nearer to a few moves, this
@@ -164,8 +164,6 @@ def contradicted(
     those that were fitted and of their motors; nor what swings, if the motors are described with this or with what else
     was found. Where what was asked for first only led to a machine on which the model before comes nearer, all is asked
     anew from there."""
-    if sound.effects and describes_motors(before, sound.after):
-        return sound
     witnessed = as_heard_by_motors(before).validation_rms > 0.0
     imitated = plainly and witnessed and before.train_rms < SOUND
     asked_first = imitated and leads(scene, before, HIDDEN)
@@ -177,12 +175,11 @@ def contradicted(
             return missing_in(scene, elsewhere, (), tell)
         if nothing_left(first.after.model.fitted) or describes_motors(before, first.after):
             return first
-    but = HIDDEN if witnessed else ()
-    beside = sound if sound.effects else searched(scene, before, tell, LIMITS, but=but)
+    beside = searched(scene, before, tell, LIMITS, but=HIDDEN if witnessed else ())
     if beside.effects and describes_motors(before, beside.after):
         return beside
     told = [one for one in (first, beside) if one and one.effects and reconciled(before, one.after)]
-    if witnessed and not told and not sound.effects:
+    if witnessed and not told:
         swung = selected(
             scene,
             before,
