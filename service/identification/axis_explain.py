@@ -113,7 +113,8 @@ def missing_in(
 ) -> Selection[Explained]:
     """What is missing in the model that is declared, or that was accepted. A zero that is seen to wander at rest is
     asked for first; nothing else is where most of it differs between moves that are alike, which no effect explains.
-    Where little is, what every sound machine has may be all. The motors are asked where their equations of motion do
+    Where little is, what every sound machine has may be all, unless the motors contradict it and what may be hidden
+    comes nearer to a few moves. The motors are asked where their equations of motion do
     not hold; where they hold, nothing is hidden between motor and load. Where no torque was recorded and only numbers
     may do it that are not known, nothing is asked for but what may be hidden. What accepted effects leave is the next
     one's only where it is more than a law leaves that differs a little from the machine's, as after a first effect."""
@@ -134,8 +135,10 @@ def missing_in(
     if contradict:
         tell(f"the motors' equations of motion leave {by_motors:.1f} of the noise")
     if little(before) and (contradict or shown(before) > SEARCHED):
-        sound = with_impurities(scene, before, tell)
-        if sound.effects and suffices(scene, before, sound, contradict):
+        sound = only_impurities(scene, before, tell)
+        if sound and (
+            not contradict or describes_motors(before, sound.after) or not leads(scene, before, HIDDEN)
+        ):
             return sound
     if contradict:
         return contradicted(scene, before, by_motors > PLAINLY * before.train_rms, tell)
@@ -144,12 +147,12 @@ def missing_in(
     return searched(scene, before, tell, LIMITS, but=HIDDEN if 0.0 < by_motors <= CONTRADICTED else ())
 
 
-def suffices(scene: Scene, before: Trial[Explained], sound: Selection[Explained], contradict: bool) -> bool:
-    """Whether what every sound machine has is all that is missing: no finding, and where the motors `contradict` the
-    model before, they do not with it, or what may be hidden comes no nearer to a few moves and motors."""
-    if finding_of(sound)[0] != "none":
-        return False
-    return not contradict or describes_motors(before, sound.after) or not leads(scene, before, HIDDEN)
+def only_impurities(
+    scene: Scene, before: Trial[Explained], tell: Callable[[str], None]
+) -> Selection[Explained] | None:
+    """What every sound machine has, where it describes all moves and is no finding."""
+    found = with_impurities(scene, before, tell)
+    return found if found.effects and finding_of(found)[0] == "none" else None
 
 
 def contradicted(
@@ -247,8 +250,7 @@ def searched(
     found = in_company(scene, before, found, library, tell)
     if little(before) or finding_of(found)[0] != "unknown":
         return found
-    sound = with_impurities(scene, before, tell)
-    return sound if sound.effects and finding_of(sound)[0] == "none" else found
+    return only_impurities(scene, before, tell) or found
 
 
 def in_company(

@@ -193,8 +193,8 @@ def _sole(selection: Selection[Explained]) -> str | None:
 def _fitted_too(before: Trial[Explained], after: Trial[Explained]) -> bool:
     """Whether as large a part is gone from the moves that were fitted, or next to nothing is left there, or little in
     all: what predicts other moves and leaves those that it was fitted to as they were is not what acts."""
-    little = after.train_rms <= LEFT_BY_CLEAN or most_left(after) <= LEFT
-    return little or gone(before.train_rms, after.train_rms, PART)
+    described = after.train_rms <= LEFT_BY_CLEAN or most_left(after) <= LEFT
+    return described or gone(before.train_rms, after.train_rms, PART)
 
 
 def _nothing_else_explains(selection: Selection[Explained]) -> bool:

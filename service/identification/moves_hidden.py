@@ -28,11 +28,7 @@ from service.identification.moves_looks import VALLEYS, noted
 from service.identification.moves_lying import pinions_lie
 from service.identification.moves_motors import CONTRADICTED, left_by_motors, nothing_left, of_moves
 from service.identification.moves_ridges import at_all_frequencies, put_back
-from service.identification.moves_starts import (
-    ROUNDS,
-    candidates,
-    unanswering,
-)
+from service.identification.moves_starts import ROUNDS, candidates, unanswering
 from service.identification.moves_starts import Candidate as DrivenCandidate
 from service.identification.moves_valleys import (
     SEED,

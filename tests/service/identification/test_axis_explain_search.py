@@ -97,69 +97,6 @@ def test_beyond_what_is_accepted_only_more_than_a_law_leaves_is_searched(
 
 
 @pytest.mark.parametrize(
-    ("errors", "motors", "finding", "nearer", "found", "asked"),
-    [
-        ((1.1, 2.4), (1.2, 1.2), "none", True, True, ["impurities"]),
-        ((1.1, 2.4), (0.0, 0.0), "none", True, True, ["impurities"]),
-        ((0.97, 1.1), (1.2, 1.2), "none", True, False, ["all"]),
-        ((1.7, 2.4), (1.2, 1.2), "none", True, False, ["all"]),
-        ((1.1, 4.1), (1.2, 1.2), "none", True, False, ["all"]),
-        ((1.1, 2.4), (1.2, 1.2), "unknown", True, False, ["impurities", "all"]),
-        ((1.1, 1.1), (3.0, 1.4), "none", True, True, ["impurities"]),
-        ((1.1, 1.1), (3.0, 2.2), "none", False, True, ["impurities"]),
-        ((1.1, 1.1), (3.0, 2.2), "none", True, False, ["impurities", "all"]),
-    ],
-    ids=[
-        "all there is",
-        "no torque",
-        "next to nothing is missing",
-        "much is missing",
-        "much is missing elsewhere",
-        "more than a sound machine has",
-        "the motors agree",
-        "nothing hides",
-        "something may hide",
-    ],
-)
-def test_where_little_is_missing_what_every_sound_machine_has_may_be_all(
-    monkeypatch: pytest.MonkeyPatch,
-    errors: tuple[float, float],
-    motors: tuple[float, float],
-    finding: str,
-    nearer: bool,
-    found: bool,
-    asked: list[str],
-) -> None:
-    """It describes all moves here; `motors` are left by the model before and with it."""
-    before, after = trial(*errors), trial(1.0, 1.05)
-    left = {id(before): motors[0], id(after): motors[1]}
-    for one in (before, after):
-        one.model.fitted = one
-    said: list[str] = []
-    both = ("contact_nonlinearity", "transmission_ripple")
-
-    def impurities(*_: Any) -> Selection[Any]:
-        said.append("impurities")
-        return Selection(before, after, both, (), ())
-
-    def searched(*_: Any, **__: Any) -> Selection[Any]:
-        said.append("all")
-        return Selection(before, before, (), (), ())
-
-    heard(monkeypatch)
-    monkeypatch.setattr(axis_explain, "with_impurities", impurities)
-    monkeypatch.setattr(axis_explain, "leads", lambda *_: nearer)
-    monkeypatch.setattr(axis_explain, "searched", searched)
-    monkeypatch.setattr(axis_explain, "contradicted", searched)
-    monkeypatch.setattr(axis_explain, "finding_of", lambda _found: (finding, ()))
-    monkeypatch.setattr(axis_explain, "left_by_motors", lambda of: np.array([0.5, 1.0]) * left[id(of)])
-    scene: Any = SimpleNamespace(zero_wanders=False)
-    out = missing_in(scene, before, (), lambda _text: None)
-    assert said == asked
-    assert out.effects == (both if found else ())
-
-
-@pytest.mark.parametrize(
     ("nearer", "train_rms"), [(False, 1.0), (True, 2.5)], ids=["no nearer", "no two gaps that one imitates"]
 )
 def test_what_may_be_hidden_and_is_not_likely_to_be_is_asked_for_last(

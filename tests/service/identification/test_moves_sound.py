@@ -6,9 +6,11 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from service.identification import axis_explain, moves_sound
+from service.identification.moves_repeated import PureError
 from service.identification.moves_sound import with_impurities
 from service.identification.selection import Selection, Trial
 from tests.service.identification.a_selection import trial
@@ -114,3 +116,65 @@ def test_what_every_sound_machine_has_is_asked_for_where_nothing_else_explains_w
     out = axis_explain.searched(ANY, present, quiet, axis_explain.LIMITS)
     assert out is (both if taken else search)
     assert bool(said) == asked
+
+
+@pytest.mark.parametrize(
+    ("errors", "motors", "finding", "nearer", "found", "asked"),
+    [
+        ((1.1, 2.4), (1.2, 1.2), "none", True, True, ["impurities"]),
+        ((1.1, 2.4), (0.0, 0.0), "none", True, True, ["impurities"]),
+        ((0.97, 1.1), (1.2, 1.2), "none", True, False, ["all"]),
+        ((1.7, 2.4), (1.2, 1.2), "none", True, False, ["all"]),
+        ((1.1, 4.1), (1.2, 1.2), "none", True, False, ["all"]),
+        ((1.1, 2.4), (1.2, 1.2), "unknown", True, False, ["impurities", "all"]),
+        ((1.1, 1.1), (3.0, 1.4), "none", True, True, ["impurities"]),
+        ((1.1, 1.1), (3.0, 2.2), "none", False, True, ["impurities"]),
+        ((1.1, 1.1), (3.0, 2.2), "none", True, False, ["impurities", "all"]),
+    ],
+    ids=[
+        "all there is",
+        "no torque",
+        "next to nothing is missing",
+        "much is missing",
+        "much is missing elsewhere",
+        "more than a sound machine has",
+        "the motors agree",
+        "nothing hides",
+        "something may hide",
+    ],
+)
+def test_where_little_is_missing_what_every_sound_machine_has_may_be_all(
+    monkeypatch: pytest.MonkeyPatch,
+    errors: tuple[float, float],
+    motors: tuple[float, float],
+    finding: str,
+    nearer: bool,
+    found: bool,
+    asked: list[str],
+) -> None:
+    """It describes all moves here; `motors` are left by the model before and with it."""
+    before, after = named("dead_zone", *errors), named(RIPPLE, 1.0, 1.05)
+    left = {id(before): motors[0], id(after): motors[1]}
+    for one in (before, after):
+        one.model.fitted = one
+    said: list[str] = []
+
+    def impurities(*_: Any) -> Selection[Any]:
+        said.append("impurities")
+        return Selection(before, after, (BENT, RIPPLE), (), ())
+
+    def searched(*_: Any, **__: Any) -> Selection[Any]:
+        said.append("all")
+        return Selection(before, before, (), (), ())
+
+    monkeypatch.setattr(axis_explain, "pure_error", lambda _fitted: PureError(3.0, 1.0))
+    monkeypatch.setattr(axis_explain, "with_impurities", impurities)
+    monkeypatch.setattr(axis_explain, "leads", lambda *_: nearer)
+    monkeypatch.setattr(axis_explain, "searched", searched)
+    monkeypatch.setattr(axis_explain, "contradicted", searched)
+    monkeypatch.setattr(axis_explain, "finding_of", lambda _found: (finding, ()))
+    monkeypatch.setattr(axis_explain, "left_by_motors", lambda of: np.array([0.5, 1.0]) * left[id(of)])
+    scene: Any = SimpleNamespace(zero_wanders=False)
+    out = axis_explain.missing_in(scene, before, (), quiet)
+    assert said == asked
+    assert out.effects == ((BENT, RIPPLE) if found else ())
