@@ -76,7 +76,7 @@ def explain_axes(
     with np.errstate(all="ignore"):  # a random machine may be unstable; its cost counts as infinite
         library = tuple(DRIVEN.values())
         scene = scene_of(train, validate, tuple(axes), tuple(axes) in validate.gantry, library)
-        before = ended(scene, trial_of(scene, declared_end(declared_fits(scene), 12)))
+        before = ended(scene, trial_of(scene, declared_end(declared_fits(scene), 12, scene.smooth_left)))
         tell(f"declared model: RMS {before.train_rms:.3f}, held out {before.validation_rms:.3f} of the noise")
         if expected and accepted:
             tell(f"fitting the accepted model: {', '.join(expected)}")

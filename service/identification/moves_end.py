@@ -117,25 +117,27 @@ def settled(found: Fitted, rounds: int, ridges: tuple[float, float] = OF_ADDED) 
     return on if on.rms >= HOPELESS else followed(on, rounds)
 
 
-def settled_present(found: Fitted, rounds: int) -> Fitted:
+def settled_present(found: Fitted, rounds: int, elsewhere: bool = True) -> Fitted:
     """The same of the declared model. Where it lacks something it is only improved on, in the best of its valleys, and
-    where it lacks much in that where it stands: its numbers are not the machine's, however closely they are found, and
-    whichever effect is the right one leads out of it."""
+    where it lacks much, or none `elsewhere` is asked for, in that where it stands: its numbers are not the machine's,
+    however closely they are found, and whichever effect is the right one leads out of it."""
     on = fit(reconstructed(found), found.model, found.at, rounds)
-    on = over_ridges(on) if SOUND < on.rms < HOPELESS else on
+    on = over_ridges(on) if elsewhere and SOUND < on.rms < HOPELESS else on
     return on if on.rms > SOUND else followed(on, rounds)
 
 
-def declared_end(fits: Iterable[Fitted], rounds: int) -> Fitted:
+def declared_end(fits: Iterable[Fitted], rounds: int, smooth: float) -> Fitted:
     """Where the fits of the declared model end that is nearest: the first, or the best of all where settling takes most
-    of what it leaves, so that how near it came before says little; or where the motors tell another valley."""
-    ends = list[Fitted]()
+    of what it leaves, so that how near it came before says little; or where the motors tell another valley. No other
+    valley is asked for where with all `smooth` effects next to nothing is left, by that RMS, and without them much,
+    begun there, too: one of these is missing, and is missing in all valleys."""
+    ends, elsewhere = list[Fitted](), smooth > UNKNOWN_NUMBERS
     for found in fits:
-        ends.append(settled_present(found, rounds))
+        ends.append(settled_present(found, rounds, elsewhere))
         if ends[-1].rms > BY_SETTLING * found.rms:
             break
     nearest = min(ends, key=lambda f: f.rms)
-    if nearest.rms > SOUND and (told := as_motors_tell(nearest)) is not nearest:
+    if elsewhere and nearest.rms > SOUND and (told := as_motors_tell(nearest)) is not nearest:
         other = settled_present(told, rounds)
         return other if other.rms < PLAINLY_NEARER * nearest.rms else nearest
     return nearest

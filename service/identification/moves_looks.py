@@ -204,10 +204,11 @@ def strongly_glimpsed(scene: Scene, found: Fitted, candidate: Candidate, shape: 
     swinging = [point_at(candidate.model, one, few) for one in heard_on_typical_machines(scene, candidate)]
     begun = [typical, *(begun_at(few, candidate.model, one) for one in strong_either_way(found, candidate))]
     first = sorted((fit(few, candidate.model, at, STRONG) for at in begun), key=standing)
+    speeds = [fit(of_speed(few, SUMMED[0]), candidate.model, at, HALF) for at in swinging]
     return [
         *(fit(few, candidate.model, f.at, BRIEF) for f in first[:1]),
         *first[1:],
-        *(speeds_first(few, candidate.model, at, SUMMED[0], FROM_AFAR) for at in swinging),
+        *(speeds_first(few, candidate.model, f.at, SUMMED[0], FROM_AFAR) for f in better_half(speeds)),
     ]
 
 
@@ -279,8 +280,12 @@ def nearest(fits: Sequence[Fitted]) -> float:
 
 def better_half_on(fits: Sequence[Fitted], rounds: int) -> list[Fitted]:
     """The better half of the fits continued by so many rounds (successive halving)."""
-    ranked = sorted(fits, key=standing)[: (len(fits) + 1) // 2]
-    return [fit(f.moves, f.model, f.at, rounds) for f in ranked]
+    return [fit(f.moves, f.model, f.at, rounds) for f in better_half(fits)]
+
+
+def better_half(fits: Sequence[Fitted]) -> list[Fitted]:
+    """The nearer half of the fits, the nearest first."""
+    return sorted(fits, key=standing)[: (len(fits) + 1) // 2]
 
 
 def best_of_each_shape(fits: Sequence[Fitted], candidate: Candidate) -> list[Fitted]:

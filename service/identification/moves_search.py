@@ -12,7 +12,7 @@ import numpy as np
 from service.backlash.moves_fit import Fitted, fit, values_at
 from service.backlash.moves_point import Point, width
 from service.dynamics.driven_model import DrivenEffect
-from service.identification.held_out import DESCRIBED, Explained, trial_of
+from service.identification.held_out import DESCRIBED, Explained, judged_rms, trial_of
 from service.identification.moves_carried import (
     SECOND,
     as_coupled,
@@ -22,10 +22,17 @@ from service.identification.moves_carried import (
     refitted,
     seconded,
 )
-from service.identification.moves_end import HOPELESS, RIDGE, ended, settled
-from service.identification.moves_finals import BEHIND, describes_all, finished, leading, on_better_machines
+from service.identification.moves_end import HOPELESS, RIDGE, SOUND, ended, settled
+from service.identification.moves_finals import (
+    BEHIND,
+    described,
+    describes_all,
+    finished,
+    leading,
+    on_better_machines,
+)
 from service.identification.moves_heard import heard
-from service.identification.moves_likenesses import as_near, beside_likeness, by_other_laws
+from service.identification.moves_likenesses import as_near, beside_likeness, by_other_laws, may_be_likeness
 from service.identification.moves_looks import (
     ENDED,
     FAR_OFF,
@@ -46,7 +53,7 @@ from service.identification.moves_starts import (
     on_sound_motion,
 )
 from service.identification.scene import Scene
-from service.identification.selection import Trial, distance
+from service.identification.selection import UNKNOWN_NUMBERS, Trial, distance
 
 PROMISING = 4
 """Effects that are fitted further after a first look at all."""
@@ -117,16 +124,26 @@ def proposed(
             found[c.name] = min((found[c.name], *heard(scene, base, c)), key=lambda f: f.rms)
     fitted_on(base, found, tried)
     trials = {
-        name: min((trial_of(scene, one, thorough=False) for one in (f, *others[name])), key=distance)
+        name: min((tried_first(scene, present, one) for one in (f, *others[name])), key=distance)
         for name, f in found.items()
     }
     trials = {c.name: in_best_shape(scene, base, c, trials[c.name]) for c in tried}
     trials = finished(scene, present, trials)
     trials = trials | beside_likeness(scene, present, base, tried, trials)
     best = min(tried, key=lambda c: distance(trials[c.name]))
+    if described(trials[best.name]) and may_be_likeness(trials[best.name]):
+        trials = trials | {best.name: ended(scene, trials[best.name])}
     trials = trials | {best.name: in_other_shapes(scene, base, best, trials[best.name])}
     trials = trials | by_other_laws(scene, present, tried, trials)
     return trials | as_near(scene, present, trials)
+
+
+def tried_first(scene: Scene, present: Trial[Explained], found: Fitted) -> Trial[Explained]:
+    """The trial of a fit that is not finished. Where much shows in the moves that were fitted, and it comes no nearer
+    to them than the present model, it explains nothing: without the effect it says what that says of the others."""
+    if present.train_rms < SOUND or found.rms < present.train_rms:
+        return trial_of(scene, found, thorough=False)
+    return replace(present, model=Explained(found, present.model.held), train_rms=judged_rms(found))
 
 
 def roughly(
@@ -164,11 +181,14 @@ def fitted_on(base: Fitted, found: dict[str, Fitted], tried: Sequence[Candidate]
     """The best of the fits continued and led across samples, then what they contain and what does much the same as the
     best, begun there. Where the present fit describes the moves already, what is missing shows in others, and hardly in
     how near a fit comes: all are continued."""
+    floor = UNKNOWN_NUMBERS if base.rms >= HOPELESS else ENDED
     nearest = leading({name: one.rms for name, one in found.items()}, PROMISING)
     for name in nearest if base.rms > ENDED else list(found):
         found[name] = fit(found[name].moves, found[name].model, found[name].at, ROUNDS)
-    for name in leading({name: one.rms for name, one in found.items()}, PROMISING, FAR_OFF):
-        found[name] = across(found[name]) if found[name].rms > ENDED else found[name]
+    least = min(one.rms for one in found.values())
+    behind, reached = (BEHIND, ENDED) if least <= ENDED else (FAR_OFF, floor)
+    for name in leading({name: one.rms for name, one in found.items()}, PROMISING, behind):
+        found[name] = across(found[name]) if found[name].rms > reached else found[name]
     for candidate in tried:
         for inner in set(candidate.effect.contains) & set(found):
             found[inner] = as_other(found[inner], found[candidate.name])

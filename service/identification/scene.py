@@ -49,6 +49,9 @@ ROUNDS, FIRST_ROUNDS = 16, 6
 OF_SMOOTH = 5
 """Moves, at most, of every recording by which all smooth effects are first fitted (chosen: on six machines the fit of
 all then ends within 4 % of where one of all alone does, or nearer, in a fifth less time)."""
+MUCH = 4.0
+"""RMS of a few moves from which on so much is missing that neither more rounds nor all moves tell more of the machine
+(chosen)."""
 BRIEFLY = replace(SINGLE, in_vain=16.0)
 """How the estimator looks for where fits begin: where few steps leave four times the noise all of them tell no more
 (chosen: there a pinion is driven to where it swings too fast for the grid, and every pass takes long)."""
@@ -107,6 +110,7 @@ class Scene:
     heard : frequency of what swings on between the moves [Hz]; none where only noise is heard
     zero_wanders : whether an accelerometer's zero goes its way while the axis rests
     clipped : axes whose accelerometer stays at an end of its range in one of the recordings
+    smooth_left : RMS that the fit with all smooth effects leaves, over the noise
     """
 
     train: tuple[Moves, ...]
@@ -119,6 +123,7 @@ class Scene:
     plain: Values = field(default_factory=dict)
     zero_wanders: bool = False
     clipped: tuple[str, ...] = ()
+    smooth_left: float = np.inf
 
     @property
     def places(self) -> tuple[Values, ...]:
@@ -191,7 +196,8 @@ def smooth_fit(
     """The declared model with all smooth effects at once: few numbers of it are right, but none is in a corner.
 
     The motors' motion is first reconstructed from where the estimator ended: a fit of the plain one takes the error of
-    its input for a chain with other masses. Where it is near, a few moves tell as well as all.
+    its input for a chain with other masses. A few moves tell nearly as well as all; where it leaves much of these, all
+    tell no more.
     """
     added = tuple(kind(declared.axes) for kind in library if kind.name not in NOT_SMOOTH)
     model = replace(declared, effects=(*declared.effects, *added))
@@ -199,9 +205,10 @@ def smooth_fit(
     few = [some_of(part, OF_SMOOTH) for part in train]
     own = tuple(local[few_of(part, OF_SMOOTH)] for part, local in zip(train, at.local, strict=True))
     near = resettled(few, model, replace(at, local=own))
-    near = fit(near.moves, model, near.at, ROUNDS)
+    near = fit(near.moves, model, near.at, ROUNDS // 2)
+    near = near if near.rms >= MUCH else fit(near.moves, model, near.at, ROUNDS // 2)
     found = resettled(train, model, replace(near.at, local=at.local))
-    return fit(found.moves, model, found.at, ROUNDS // 2)
+    return found if near.rms >= MUCH else fit(found.moves, model, found.at, ROUNDS // 2)
 
 
 def declared_fits(scene: Scene) -> Iterator[Fitted]:
@@ -244,9 +251,18 @@ def scene_of(
     plain = in_closed_form(train[0], axes, lumps)
     wanders = any(zero_wanders(recording, axes) for recording in train)
     cut_off = tuple(a for a in axes if any(clipped(r.traces[a, "acceleration"]) for r in (*train, validate)))
-    smooth_values = values_at(smooth)
     return Scene(
-        tuple(before), last, declared, places, smooth_values, coupled, heard, plain, wanders, cut_off
+        tuple(before),
+        last,
+        declared,
+        places,
+        values_at(smooth),
+        coupled,
+        heard,
+        plain,
+        wanders,
+        cut_off,
+        smooth.rms,
     )
 
 

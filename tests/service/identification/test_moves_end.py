@@ -160,24 +160,27 @@ def test_a_fit_goes_on_from_where_it_stands_and_in_another_valley_only_if_it_is_
 
 
 @pytest.mark.parametrize(
-    ("on", "elsewhere", "asked", "reached", "follows"),
+    ("on", "elsewhere", "smooth", "asked", "reached", "follows"),
     [
-        (1.5, 1.2, 0, 1.5, True),
-        (2.5, 2.4, 1, 2.4, False),
-        (9.0, 8.0, 0, 9.0, False),
-        (2.5, 1.8, 1, 1.8, True),
+        (1.5, 1.2, 2.1, 0, 1.5, True),
+        (2.5, 2.4, 2.1, 1, 2.4, False),
+        (9.0, 8.0, 2.1, 0, 9.0, False),
+        (2.5, 1.8, 2.1, 1, 1.8, True),
+        (2.5, 1.8, 1.1, 0, 2.5, False),
     ],
 )
 def test_a_declared_model_that_lacks_something_is_looked_for_elsewhere_and_not_followed(
-    monkeypatch: Any, on: float, elsewhere: float, asked: int, reached: float, follows: bool
+    monkeypatch: Any, on: float, elsewhere: float, smooth: float, asked: int, reached: float, follows: bool
 ) -> None:
+    """Unless it is one of the smooth effects, with all of which next to nothing is left."""
     over: list[float] = []
     monkeypatch.setattr(moves_end, "reconstructed", lambda found: found.moves)
     monkeypatch.setattr(moves_end, "fit", lambda *_: stub(on))
     monkeypatch.setattr(moves_end, "over_ridges", lambda f: over.append(f.rms) or stub(elsewhere))
     later: list[float] = []
     monkeypatch.setattr(moves_end, "followed", lambda f, _rounds: later.append(f.rms) or f)
-    assert moves_end.settled_present(stub(5.0), 3).rms == reached
+    monkeypatch.setattr(moves_end, "as_motors_tell", lambda found: found)
+    assert moves_end.declared_end([stub(5.0)], 3, smooth).rms == reached
     assert over == [on] * asked
     assert later == [reached] * follows
 
@@ -192,27 +195,27 @@ def test_other_fits_of_the_declared_model_are_settled_where_that_decides_how_nea
 ) -> None:
     asked = list[float]()
 
-    def end_of(found: Any, _rounds: int) -> Any:
+    def end_of(found: Any, _rounds: int, _elsewhere: bool) -> Any:
         asked.append(found.rms)
         return stub(ends[found.rms])
 
     monkeypatch.setattr(moves_end, "settled_present", end_of)
     monkeypatch.setattr(moves_end, "as_motors_tell", lambda found: found)
-    assert moves_end.declared_end(map(stub, ends), 12).rms == nearest
+    assert moves_end.declared_end(map(stub, ends), 12, np.inf).rms == nearest
     assert len(asked) == settled
 
 
 @pytest.mark.parametrize(
-    ("first", "other", "reached"),
-    [(2.6, 1.5, 1.5), (2.6, 2.5, 2.6), (1.9, 1.5, 1.9)],
-    ids=["nearer", "hardly nearer", "sound as it is"],
+    ("first", "other", "smooth", "reached"),
+    [(2.6, 1.5, 2.1, 1.5), (2.6, 2.5, 2.1, 2.6), (1.9, 1.5, 2.1, 1.9), (2.6, 1.5, 1.1, 2.6)],
+    ids=["nearer", "hardly nearer", "sound as it is", "a smooth effect is missing"],
 )
 def test_the_declared_model_ends_where_its_motors_tell_if_that_is_nearer(
-    monkeypatch: pytest.MonkeyPatch, first: float, other: float, reached: float
+    monkeypatch: pytest.MonkeyPatch, first: float, other: float, smooth: float, reached: float
 ) -> None:
-    monkeypatch.setattr(moves_end, "settled_present", lambda found, _rounds: found)
+    monkeypatch.setattr(moves_end, "settled_present", lambda found, *_: found)
     monkeypatch.setattr(moves_end, "as_motors_tell", lambda _found: stub(other))
-    assert moves_end.declared_end([stub(first)], 12).rms == reached
+    assert moves_end.declared_end([stub(first)], 12, smooth).rms == reached
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from service.captures import read_capture
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_library import DRIVEN
 from service.identification import moves_search
+from service.identification.selection import Trial, gain_p_value
 from tests.service.identification.a_search import stub
 
 
@@ -31,6 +32,50 @@ def test_what_explains_nothing_of_a_few_moves_is_not_fitted_to_all(
     """Unless these few are described, so that what is missing shows in others."""
     monkeypatch.setattr(moves_search, "on_a_few_moves", lambda _found: stub(few))
     assert moves_search.worth_all_moves(stub(base)) == worth
+
+
+@pytest.mark.usefixtures("sound")
+@pytest.mark.parametrize(
+    ("base", "fits", "led"),
+    [
+        (2.7, {"best": 0.95, "far": 1.8, "near": 1.3}, ["near"]),
+        (2.7, {"best": 1.20, "far": 1.8, "near": 1.6}, ["best", "far", "near"]),
+        (9.0, {"best": 1.20, "far": 1.8, "near": 1.25}, ["far"]),
+    ],
+    ids=["one describes them", "none does", "on the motion of a wrong force"],
+)
+def test_fits_are_led_across_samples_where_that_may_tell_which_is_the_right_one(
+    monkeypatch: Any, base: float, fits: dict[str, float], led: list[str]
+) -> None:
+    across = list[str]()
+    monkeypatch.setattr(moves_search, "fit", lambda _moves, _model, at, _rounds: at.found)
+    monkeypatch.setattr(moves_search, "across", lambda f: across.append(f.name) or f)
+    found = {name: stub(rms, name) for name, rms in fits.items()}
+    for one in found.values():
+        one.at.found = one
+    moves_search.fitted_on(stub(base), found, [])
+    assert sorted(across) == led
+
+
+@pytest.mark.parametrize(
+    ("train", "reached", "own"),
+    [(9.0, 9.5, False), (9.0, 8.5, True), (1.4, 1.5, True)],
+    ids=["no nearer", "nearer", "little shows"],
+)
+def test_what_comes_no_nearer_says_of_other_moves_what_the_present_model_does(
+    monkeypatch: Any, train: float, reached: float, own: bool
+) -> None:
+    there = SimpleNamespace(held="the present prediction")
+    present = Trial(cast(Any, there), train, 40.0, np.ones(3), np.zeros(0), 30.0)
+    monkeypatch.setattr(moves_search, "trial_of", lambda _scene, _found, thorough: "its own trial")
+    monkeypatch.setattr(moves_search, "judged_rms", lambda found: found.rms)
+    trial = moves_search.tried_first(cast(Any, None), cast(Any, present), stub(reached))
+    assert (trial == "its own trial") == own
+    if not own:
+        assert (trial.train_rms, trial.validation_rms) == (reached, 40.0)
+        assert trial.model.fitted.rms == reached
+        assert trial.model.held == "the present prediction"
+        assert gain_p_value(cast(Any, present), trial) > 0.4
 
 
 def test_the_present_model_is_challenged_where_the_best_ended_with_gear_and_pinion_apart(
