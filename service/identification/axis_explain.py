@@ -114,7 +114,7 @@ def missing_in(
     """What is missing in the model that is declared, or that was accepted. A zero that is seen to wander at rest is
     asked for first; nothing else is where most of it differs between moves that are alike, which no effect explains.
     Where little is, what every sound machine has may be all, unless the motors contradict it and what may be hidden
-    comes nearer to a few moves. The motors are asked where their equations of motion do
+    comes nearer to a few moves, or smooth effects suffice. The motors are asked where their equations of motion do
     not hold; where they hold, nothing is hidden between motor and load. Where no torque was recorded and only numbers
     may do it that are not known, nothing is asked for but what may be hidden. What accepted effects leave is the next
     one's only where it is more than a law leaves that differs a little from the machine's, as after a first effect."""
@@ -134,17 +134,25 @@ def missing_in(
     contradict = by_motors > CONTRADICTED and before.train_rms < TOO_MUCH
     if contradict:
         tell(f"the motors' equations of motion leave {by_motors:.1f} of the noise")
-    if little(before) and (contradict or shown(before) > SEARCHED):
+    smooth = smooth_suffice(scene, before)
+    if not smooth and little(before) and (contradict or shown(before) > SEARCHED):
         sound = only_impurities(scene, before, tell)
         if sound and (
             not contradict or describes_motors(before, sound.after) or not leads(scene, before, HIDDEN)
         ):
             return sound
     if contradict:
-        return contradicted(scene, before, by_motors > PLAINLY * before.train_rms, tell)
+        plainly = not smooth and by_motors > PLAINLY * before.train_rms
+        return contradicted(scene, before, plainly, tell)
     if shown(before) <= SEARCHED and before.validation_rms > DESCRIBED and not by_motors:
         return searched(scene, before, tell, OF_HIDDEN, first=HIDDEN)
     return searched(scene, before, tell, LIMITS, but=HIDDEN if 0.0 < by_motors <= CONTRADICTED else ())
+
+
+def smooth_suffice(scene: Scene, before: Trial[Explained]) -> bool:
+    """Whether next to all that shows in the moves that were fitted is gone with all smooth effects: it is one of these,
+    rather than what is hidden or what every sound machine has, none of which is smooth."""
+    return before.train_rms > DESCRIBED and gone(before.train_rms, scene.smooth_left, EXPLAINED)
 
 
 def only_impurities(
@@ -232,8 +240,8 @@ def searched(
     but: Sequence[type[DrivenEffect]] = (),
 ) -> Selection[Explained]:
     """What is found in the library, `but` for some, also of two effects that are found together only; with `first`, of
-    which there is other evidence, begun with nothing else and however little is missing. Where it ends unknown, and
-    more is missing than was judged before, what every sound machine has may be all."""
+    which there is other evidence, begun with nothing else and however little is missing. Where it ends unknown,
+    what every sound machine has may be all, if that was not asked before."""
     held = {effect.name for effect in before.model.fitted.model.effects} | {kind.name for kind in but}
     library = tuple(kind for kind in DRIVEN.values() if kind.name not in held)
     found = selected(
@@ -248,7 +256,8 @@ def searched(
     if first or finding_of(found)[0] != "unknown":
         return found
     found = in_company(scene, before, found, library, tell)
-    if little(before) or finding_of(found)[0] != "unknown":
+    asked_before = little(before) and not smooth_suffice(scene, before)
+    if asked_before or finding_of(found)[0] != "unknown":
         return found
     return only_impurities(scene, before, tell) or found
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any, cast
 
+import numpy as np
+
 FORCE, FRICTION = "position_dependent_force", "asymmetric_friction"
 HUNG, BODY = "hung_mass_mode", "machine_body_mode"
-SCENE = cast(Any, SimpleNamespace(smooth={"X1.gear_mass": 0.05}))
+SCENE = cast(Any, SimpleNamespace(smooth={"X1.gear_mass": 0.05}, smooth_left=np.inf))
 PRESENT = cast(Any, SimpleNamespace(train_rms=9.0, validation_rms=9.0))
 
 

@@ -90,7 +90,7 @@ def test_beyond_what_is_accepted_only_more_than_a_law_leaves_is_searched(
     monkeypatch.setattr(axis_explain, "finding_of", lambda _found: ("none", ()))
     monkeypatch.setattr(axis_explain, "hidden", hidden)
     monkeypatch.setattr(axis_explain, "left_by_motors", lambda _fitted: np.array([0.5, 1.0]) * by_motors)
-    scene: Any = SimpleNamespace(zero_wanders=wanders)
+    scene: Any = SimpleNamespace(zero_wanders=wanders, smooth_left=np.inf)
     found = missing_in(scene, trial(*errors), accepted, lambda _text: None)
     assert said == asked
     assert found.effects == ()
@@ -124,7 +124,7 @@ def test_what_may_be_hidden_and_is_not_likely_to_be_is_asked_for_last(
     monkeypatch.setattr(axis_explain, "searched", searched)
     monkeypatch.setattr(axis_explain, "finding_of", lambda _found: ("none", ()))
     monkeypatch.setattr(axis_explain, "left_by_motors", lambda of: np.array([0.5, left[id(of)]]))
-    scene: Any = SimpleNamespace(zero_wanders=False)
+    scene: Any = SimpleNamespace(zero_wanders=False, smooth_left=np.inf)
     assert missing_in(scene, before, (), lambda _text: None).effects == ("sensor_gain",)
     assert said == ["all"]
     assert missing_in(scene, before, (), lambda _text: None).effects == ()
@@ -144,7 +144,7 @@ def test_where_the_held_out_moves_have_no_torque_what_may_be_hidden_is_searched_
     monkeypatch.setattr(axis_explain, "left_by_motors", lambda _fitted: np.array([5.0]))
     monkeypatch.setattr(axis_explain, "hidden", lambda *_: Selection(before, before, (), (), ()))
     monkeypatch.setattr(axis_explain, "searched", searched)
-    scene: Any = SimpleNamespace(zero_wanders=False)
+    scene: Any = SimpleNamespace(zero_wanders=False, smooth_left=np.inf)
     assert missing_in(scene, before, (), lambda _text: None).effects == ()
     assert left_out == [()]
 
@@ -166,7 +166,7 @@ def test_nothing_is_searched_where_alike_moves_differ_by_what_is_missing(
     heard(monkeypatch)
     monkeypatch.setattr(axis_explain, "searched", searched)
     monkeypatch.setattr(axis_explain, "pure_error", lambda _fitted: PureError(5.0, 4.5))
-    scene: Any = SimpleNamespace(zero_wanders=True)
+    scene: Any = SimpleNamespace(zero_wanders=True, smooth_left=np.inf)
     found = missing_in(scene, before, (), lambda _text: None)
     assert first == [["sensor_bias"]]
     assert found.effects == ()
@@ -217,7 +217,7 @@ def test_what_the_motors_speak_of_is_the_finding_unless_another_one_describes_ot
     monkeypatch.setattr(axis_explain, "hidden", lambda *_: by_motors)
     monkeypatch.setattr(axis_explain, "finding_of", lambda _found: (finding, others))
     monkeypatch.setattr(axis_explain, "searched", lambda *_, **__: other)
-    scene: Any = SimpleNamespace(zero_wanders=False)
+    scene: Any = SimpleNamespace(zero_wanders=False, smooth_left=np.inf)
     found = missing_in(scene, before, (), lambda _text: None)
     assert found.effects == effects
     assert found.witnessed == (effects if effects == names else ())
@@ -254,7 +254,7 @@ def test_what_describes_other_moves_better_takes_no_name_from_that_with_which_on
     monkeypatch.setattr(
         axis_explain, "searched", lambda *_, **__: Selection(before, other, ("transmission_ripple",), (), ())
     )
-    scene: Any = SimpleNamespace(zero_wanders=False)
+    scene: Any = SimpleNamespace(zero_wanders=False, smooth_left=np.inf)
     assert missing_in(scene, before, (), lambda _text: None).effects == effects
 
 
@@ -281,7 +281,7 @@ def test_what_describes_the_motors_too_hides_nothing(
     monkeypatch.setattr(
         axis_explain, "hidden", lambda *_: hidden.append(1) or Selection(before, before, (), (), ())
     )
-    scene: Any = SimpleNamespace(zero_wanders=False)
+    scene: Any = SimpleNamespace(zero_wanders=False, smooth_left=np.inf)
     assert missing_in(scene, before, (), lambda _text: None).effects == names
     assert bool(hidden) == asked
 
@@ -335,11 +335,37 @@ def test_what_the_motors_speak_of_plainly_is_asked_for_first_and_taken_if_it_des
 
     monkeypatch.setattr(axis_explain, "searched", searched)
     monkeypatch.setattr(axis_explain, "hidden", hidden)
-    scene: Any = SimpleNamespace(zero_wanders=False)
+    scene: Any = SimpleNamespace(zero_wanders=False, smooth_left=np.inf)
     found = missing_in(scene, before, (), lambda _text: None)
     assert found.effects == names
     first = ["motors", "beside"] if motors == 5.0 else ["beside", "motors"]
     assert asked == (first if beside_asked else ["motors"]), "what is hidden is searched once"
+
+
+@pytest.mark.parametrize(
+    ("train", "smooth", "first"),
+    [(1.5, 1.04, "library"), (1.5, 1.20, "impurities"), (1.1, 0.95, "impurities")],
+    ids=["they suffice", "they take a part", "hardly anything shows"],
+)
+def test_where_all_smooth_effects_suffice_these_are_searched_before_what_is_not_smooth(
+    monkeypatch: pytest.MonkeyPatch, train: float, smooth: float, first: str
+) -> None:
+    before, asked = trial(train, 1.7), list[str]()
+
+    def asking(what: str, answer: Any) -> Any:
+        return lambda *_, **__: asked.append(what) or answer
+
+    nothing = Selection(before, before, (), (), ())
+    heard(monkeypatch)
+    monkeypatch.setattr(axis_explain, "left_by_motors", lambda _of: np.array([9.0]))
+    monkeypatch.setattr(axis_explain, "finding_of", lambda _found: ("none", ()))
+    monkeypatch.setattr(axis_explain, "only_impurities", asking("impurities", None))
+    monkeypatch.setattr(axis_explain, "searched", asking("library", nothing))
+    monkeypatch.setattr(axis_explain, "hidden", asking("hidden", nothing))
+    scene: Any = SimpleNamespace(zero_wanders=False, smooth_left=smooth)
+    missing_in(scene, before, (), lambda _text: None)
+    rest = {"library": ["hidden"], "impurities": ["hidden", "library"]}
+    assert asked == [first, *rest[first]]
 
 
 @pytest.mark.parametrize("nearer", [True, False])
@@ -365,7 +391,9 @@ def test_what_only_leads_to_a_machine_on_which_the_model_comes_nearer_is_not_hid
         return Selection(present, after, ("curved_friction",), (), ())
 
     monkeypatch.setattr(axis_explain, "searched", searched)
-    found = missing_in(cast(Any, SimpleNamespace(zero_wanders=False)), before, (), lambda _text: None)
+    found = missing_in(
+        cast(Any, SimpleNamespace(zero_wanders=False, smooth_left=np.inf)), before, (), lambda _text: None
+    )
     assert found.effects == (("curved_friction",) if nearer else ("gearbox_clearance",))
     assert asked == ([again] if nearer else [])
 
@@ -391,7 +419,7 @@ def test_what_swings_is_taken_where_nothing_else_is_found_with_which_the_motors_
     monkeypatch.setattr(axis_explain, "searched", lambda *_, **__: none)
     monkeypatch.setattr(axis_explain, "selected", lambda *_: swung)
     monkeypatch.setattr(axis_explain, "hidden", lambda *_: gaps)
-    scene: Any = SimpleNamespace(zero_wanders=False)
+    scene: Any = SimpleNamespace(zero_wanders=False, smooth_left=np.inf)
     found = missing_in(scene, before, (), lambda _text: None)
     assert found.effects == (("hung_mass_mode",) if taken else ())
     last = [] if taken else ["gearbox_clearance"]
