@@ -169,7 +169,8 @@ def contradicted(
     """What is missing where the motors contradict the model. If nothing is found with which their equations of motion
     hold, what swings is asked for at all frequencies, and taken if they hold with it; then what may be hidden: it has
     its name if the other moves are described with it, too, or if nothing else is found that describes them better, or
-    nothing with which the motors agree as they do with it, and is a hint otherwise. Where they speak `plainly`, while
+    nothing with which the motors agree as they do with it, and is a hint otherwise, and where it describes neither the
+    fitted moves nor the motors. Where they speak `plainly`, while
     the moves that were fitted are nearly described, as one gap describes two, and it comes nearer to a few moves, this
     is asked for first, and nothing else if all moves and their motors are described with it, or nothing is left of
     those that were fitted and of their motors; nor what swings, if the motors are described with this or with what else
@@ -203,10 +204,17 @@ def contradicted(
             others = tuple(one for one in beside.candidates if one.effect not in again)
             return replace(swung, candidates=others + swung.candidates)
     found = first or hidden(scene, before, HIDDEN, len(DRIVEN), tell)
-    if found.effects and not (finding_of(beside)[0] == "effect" and describes_better(before, beside, found)):
+    told_of = bool(found.effects) and tells_of_it(before, found.after)
+    if told_of and not (finding_of(beside)[0] == "effect" and describes_better(before, beside, found)):
         return found
     hinted = found.hinted or bool(found.effects)
     return replace(beside, candidates=beside.candidates + found.candidates, hinted=hinted)
+
+
+def tells_of_it(before: Trial[Explained], trial: Trial[Explained]) -> bool:
+    """Whether what may be hidden describes the moves that were fitted, or the motors agree with it: what something else
+    does between motor and load, such as a film of oil, a gap takes a part of from both."""
+    return trial.train_rms <= DESCRIBED or reconciled(before, trial)
 
 
 def describes_better(

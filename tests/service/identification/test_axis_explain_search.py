@@ -227,20 +227,25 @@ def test_what_the_motors_speak_of_is_the_finding_unless_another_one_describes_ot
 
 
 @pytest.mark.parametrize(
-    ("with_hidden", "with_other", "effects"),
+    ("train", "with_hidden", "with_other", "effects"),
     [
-        (1.3, 4.0, ("gearbox_clearance",)),
-        (1.3, 1.4, ("transmission_ripple",)),
-        (2.6, 4.0, ("transmission_ripple",)),
+        (1.0, 1.3, 4.0, ("gearbox_clearance",)),
+        (1.2, 1.3, 4.0, ("gearbox_clearance",)),
+        (1.0, 1.3, 1.4, ("transmission_ripple",)),
+        (1.0, 2.6, 4.0, ("transmission_ripple",)),
     ],
-    ids=["with it only", "with both", "with neither"],
+    ids=["with it only", "with it and not the moves", "with both", "with neither"],
 )
 def test_what_describes_other_moves_better_takes_no_name_from_that_with_which_only_the_motors_agree(
-    monkeypatch: pytest.MonkeyPatch, with_hidden: float, with_other: float, effects: tuple[str, ...]
+    monkeypatch: pytest.MonkeyPatch,
+    train: float,
+    with_hidden: float,
+    with_other: float,
+    effects: tuple[str, ...],
 ) -> None:
     """A pinion that chatters is foretold only by numbers that are exact, and a ripple that nobody's motor feels by
     chance."""
-    before, after, other = trial(1.2, 5.1), trial(1.0, 3.7), trial(1.8, 1.4)
+    before, after, other = trial(1.5, 5.1), trial(train, 3.7), trial(1.8, 1.4)
     left = {id(before): 7.0, id(after): with_hidden, id(other): with_other}
     for one in (before, after, other):
         one.model.fitted = one
@@ -256,6 +261,33 @@ def test_what_describes_other_moves_better_takes_no_name_from_that_with_which_on
     )
     scene: Any = SimpleNamespace(zero_wanders=False, smooth_left=np.inf)
     assert missing_in(scene, before, (), lambda _text: None).effects == effects
+
+
+@pytest.mark.parametrize(
+    ("train", "by_motors", "named"),
+    [(1.22, 2.1, False), (1.10, 2.1, True), (1.22, 1.4, True)],
+    ids=["neither", "the moves", "the motors"],
+)
+def test_what_may_be_hidden_has_its_name_where_the_moves_or_the_motors_are_described_with_it(
+    monkeypatch: pytest.MonkeyPatch, train: float, by_motors: float, named: bool
+) -> None:
+    """A gap took a part of what a squeeze film did from both, and half of the machine's backlash with it."""
+    before, after = trial(1.56, 1.8), trial(train, 1.41)
+    left = {id(before): 3.0, id(after): by_motors}
+    for one in (before, after):
+        one.model.fitted = one
+    names = ("gearbox_clearance",)
+    heard(monkeypatch)
+    monkeypatch.setattr(axis_explain, "left_by_motors", lambda of: np.array([left[id(of)]]))
+    monkeypatch.setattr(axis_explain, "finding_of", lambda _found: ("unknown", ()))
+    monkeypatch.setattr(
+        axis_explain, "hidden", lambda *_: Selection(before, after, names, (), (), witnessed=names)
+    )
+    monkeypatch.setattr(axis_explain, "searched", lambda *_, **__: Selection(before, before, (), (), ()))
+    scene: Any = SimpleNamespace(zero_wanders=False, smooth_left=np.inf)
+    found = missing_in(scene, before, (), lambda _text: None)
+    assert found.effects == (names if named else ())
+    assert found.hinted == (not named)
 
 
 @pytest.mark.parametrize(
