@@ -114,10 +114,11 @@ def missing_in(
     """What is missing in the model that is declared, or that was accepted. A zero that is seen to wander at rest is
     asked for first; nothing else is where most of it differs between moves that are alike, which no effect explains.
     Where little is, what every sound machine has may be all, unless the motors contradict it and what may be hidden
-    comes nearer to a few moves, or smooth effects suffice. The motors are asked where their equations of motion do
-    not hold; where they hold, nothing is hidden between motor and load. Where no torque was recorded and only numbers
-    may do it that are not known, nothing is asked for but what may be hidden. What accepted effects leave is the next
-    one's only where it is more than a law leaves that differs a little from the machine's, as after a first effect."""
+    comes nearer to a few moves; where all smooth effects suffice, or a bent contact, these are searched before what may
+    be hidden. The motors are asked where their equations of motion do not hold; where they hold, nothing is hidden
+    between motor and load. Where no torque was recorded and only numbers may do it that are not known, nothing is asked
+    for but what may be hidden. What accepted effects leave is the next one's only where it is more than a law leaves
+    that differs a little from the machine's, as after a first effect."""
     if scene.zero_wanders and DrivenBias.name not in accepted:
         tell("the accelerometer's zero wanders while the axis rests")
         found = searched(scene, before, tell, LIMITS, first=(DrivenBias,))
@@ -134,32 +135,36 @@ def missing_in(
     contradict = by_motors > CONTRADICTED and before.train_rms < TOO_MUCH
     if contradict:
         tell(f"the motors' equations of motion leave {by_motors:.1f} of the noise")
-    smooth = smooth_suffice(scene, before)
-    if not smooth and little(before) and (contradict or shown(before) > SEARCHED):
-        sound = only_impurities(scene, before, tell)
+    plainly = by_motors > PLAINLY * before.train_rms and not suffices(before, scene.smooth_left)
+    if asked_of_impurities(scene, before) and (contradict or shown(before) > SEARCHED):
+        found = with_impurities(scene, before, tell)
+        sound = only_impurities(found)
         if sound and (
             not contradict or describes_motors(before, sound.after) or not leads(scene, before, HIDDEN)
         ):
             return sound
+        plainly = plainly and not any(suffices(before, one.train_rms) for one in found.tried)
     if contradict:
-        plainly = not smooth and by_motors > PLAINLY * before.train_rms
         return contradicted(scene, before, plainly, tell)
     if shown(before) <= SEARCHED and before.validation_rms > DESCRIBED and not by_motors:
         return searched(scene, before, tell, OF_HIDDEN, first=HIDDEN)
     return searched(scene, before, tell, LIMITS, but=HIDDEN if 0.0 < by_motors <= CONTRADICTED else ())
 
 
-def smooth_suffice(scene: Scene, before: Trial[Explained]) -> bool:
-    """Whether next to all that shows in the moves that were fitted is gone with all smooth effects: it is one of these,
-    rather than what is hidden or what every sound machine has, none of which is smooth."""
-    return before.train_rms > DESCRIBED and gone(before.train_rms, scene.smooth_left, EXPLAINED)
+def suffices(before: Trial[Explained], left_with: float) -> bool:
+    """Whether next to all that shows in the moves that were fitted is gone with what leaves so much of them: then that
+    is more likely than what is hidden, of which the motors say more than the samples."""
+    return before.train_rms > DESCRIBED and gone(before.train_rms, left_with, EXPLAINED)
 
 
-def only_impurities(
-    scene: Scene, before: Trial[Explained], tell: Callable[[str], None]
-) -> Selection[Explained] | None:
+def asked_of_impurities(scene: Scene, before: Trial[Explained]) -> bool:
+    """Whether what every sound machine has is asked for first: where little is missing, and all smooth effects, of
+    which it is none, do not suffice."""
+    return little(before) and not suffices(before, scene.smooth_left)
+
+
+def only_impurities(found: Selection[Explained]) -> Selection[Explained] | None:
     """What every sound machine has, where it describes all moves and is no finding."""
-    found = with_impurities(scene, before, tell)
     return found if found.effects and finding_of(found)[0] == "none" else None
 
 
@@ -264,10 +269,9 @@ def searched(
     if first or finding_of(found)[0] != "unknown":
         return found
     found = in_company(scene, before, found, library, tell)
-    asked_before = little(before) and not smooth_suffice(scene, before)
-    if asked_before or finding_of(found)[0] != "unknown":
+    if asked_of_impurities(scene, before) or finding_of(found)[0] != "unknown":
         return found
-    return only_impurities(scene, before, tell) or found
+    return only_impurities(with_impurities(scene, before, tell)) or found
 
 
 def in_company(

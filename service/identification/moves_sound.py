@@ -32,17 +32,18 @@ def with_impurities(
     scene: Scene, before: Trial[Explained], tell: Callable[[str], None]
 ) -> Selection[Explained]:
     """The selection as if a bent contact, and a mesh error beside it, had been found, where they describe all moves and
-    take a `PART` away of what the model before leaves of them; nothing where they leave more, or that model more than
-    impurities do."""
+    take a `PART` away of what the model before leaves of them; nothing but what was `tried`, the contact first, where
+    they leave more, and nothing at all where that model leaves more than impurities do."""
     if most_left(before) > CHANGED:
         return Selection(before, before, (), (), ())
     tell("what every sound machine has a little of: a bent contact, and a mesh error beside it")
-    present, said = before, list[Candidate]()
+    present, said, tried = before, list[Candidate](), list[Trial[Explained]]()
     for kind in IMPURITIES:
         present = roughly(scene, present, kind, tuple(one.effect for one in said))
+        tried.append(present)
         p_value = min(1.0, len(DRIVEN) * gain_p_value(before, present))
         why = "every sound machine has a little of it"
         said.append(Candidate(kind.name, present.held_rms, p_value, False, why))
     if not (described(present) and gone_from_all(before, present, PART)):
-        return Selection(before, before, (), (), ())
-    return Selection(before, present, tuple(one.effect for one in said), tuple(said), ())
+        return Selection(before, before, (), (), (), tuple(tried))
+    return Selection(before, present, tuple(one.effect for one in said), tuple(said), (), tuple(tried))

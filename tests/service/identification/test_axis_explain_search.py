@@ -375,29 +375,34 @@ def test_what_the_motors_speak_of_plainly_is_asked_for_first_and_taken_if_it_des
 
 
 @pytest.mark.parametrize(
-    ("train", "smooth", "first"),
-    [(1.5, 1.04, "library"), (1.5, 1.20, "impurities"), (1.1, 0.95, "impurities")],
-    ids=["they suffice", "they take a part", "hardly anything shows"],
+    ("train", "smooth", "bent", "asked"),
+    [
+        (1.5, 1.04, 9.0, ["library", "hidden"]),
+        (1.5, 1.20, 1.04, ["impurities", "library", "hidden"]),
+        (1.5, 1.20, 1.20, ["impurities", "hidden", "library"]),
+        (1.1, 0.95, 0.95, ["impurities", "hidden", "library"]),
+    ],
+    ids=["smooth effects", "a bent contact", "both take a part", "hardly anything shows"],
 )
-def test_where_all_smooth_effects_suffice_these_are_searched_before_what_is_not_smooth(
-    monkeypatch: pytest.MonkeyPatch, train: float, smooth: float, first: str
+def test_what_suffices_is_searched_before_what_may_be_hidden(
+    monkeypatch: pytest.MonkeyPatch, train: float, smooth: float, bent: float, asked: list[str]
 ) -> None:
-    before, asked = trial(train, 1.7), list[str]()
+    before, done = trial(train, 1.7), list[str]()
 
-    def asking(what: str, answer: Any) -> Any:
-        return lambda *_, **__: asked.append(what) or answer
+    def asking(what: str, tried: tuple[Trial[Any], ...] = ()) -> Any:
+        return lambda *_, **__: done.append(what) or Selection(before, before, (), (), (), tried)
 
-    nothing = Selection(before, before, (), (), ())
     heard(monkeypatch)
     monkeypatch.setattr(axis_explain, "left_by_motors", lambda _of: np.array([9.0]))
     monkeypatch.setattr(axis_explain, "finding_of", lambda _found: ("none", ()))
-    monkeypatch.setattr(axis_explain, "only_impurities", asking("impurities", None))
-    monkeypatch.setattr(axis_explain, "searched", asking("library", nothing))
-    monkeypatch.setattr(axis_explain, "hidden", asking("hidden", nothing))
+    monkeypatch.setattr(
+        axis_explain, "with_impurities", asking("impurities", (trial(bent, 2.0), trial(1.4, 3.0)))
+    )
+    monkeypatch.setattr(axis_explain, "searched", asking("library"))
+    monkeypatch.setattr(axis_explain, "hidden", asking("hidden"))
     scene: Any = SimpleNamespace(zero_wanders=False, smooth_left=smooth)
     missing_in(scene, before, (), lambda _text: None)
-    rest = {"library": ["hidden"], "impurities": ["hidden", "library"]}
-    assert asked == [first, *rest[first]]
+    assert done == asked
 
 
 @pytest.mark.parametrize("nearer", [True, False])

@@ -86,8 +86,16 @@ def test_more_than_impurities_leave_is_not_judged(before: tuple[float, float]) -
         ((1.7, 2.7), "none", "none", False, False),
         ((1.7, 2.7), "effect", "none", False, False),
         ((1.2, 2.7), "unknown", "none", False, False),
+        ((1.5, 2.7), "unknown", "none", True, True),
     ],
-    ids=["unknown", "still unknown", "nothing", "a finding", "little, and judged before"],
+    ids=[
+        "unknown",
+        "still unknown",
+        "nothing",
+        "a finding",
+        "little, and judged before",
+        "little, and smooth effects suffice",
+    ],
 )
 def test_what_every_sound_machine_has_is_asked_for_where_nothing_else_explains_what_is_missing(
     monkeypatch: pytest.MonkeyPatch,
@@ -113,7 +121,8 @@ def test_what_every_sound_machine_has_is_asked_for_where_nothing_else_explains_w
         axis_explain, "finding_of", lambda selection: (with_both if selection is both else first, ())
     )
     present.model.fitted.model.effects = ()
-    out = axis_explain.searched(ANY, present, quiet, axis_explain.LIMITS)
+    scene: Any = SimpleNamespace(smooth_left=1.05)
+    out = axis_explain.searched(scene, present, quiet, axis_explain.LIMITS)
     assert out is (both if taken else search)
     assert bool(said) == asked
 
@@ -174,7 +183,7 @@ def test_where_little_is_missing_what_every_sound_machine_has_may_be_all(
     monkeypatch.setattr(axis_explain, "contradicted", searched)
     monkeypatch.setattr(axis_explain, "finding_of", lambda _found: (finding, ()))
     monkeypatch.setattr(axis_explain, "left_by_motors", lambda of: np.array([0.5, 1.0]) * left[id(of)])
-    scene: Any = SimpleNamespace(zero_wanders=False)
+    scene: Any = SimpleNamespace(zero_wanders=False, smooth_left=np.inf)
     out = axis_explain.missing_in(scene, before, (), quiet)
     assert said == asked
     assert out.effects == ((BENT, RIPPLE) if found else ())
