@@ -174,13 +174,12 @@ def contradicted(
     """What is missing where the motors contradict the model. If nothing is found with which their equations of motion
     hold, what swings is asked for at all frequencies, and taken if they hold with it; then what may be hidden: it has
     its name if the other moves are described with it, too, or if nothing else is found that describes them better, or
-    nothing with which the motors agree as they do with it, and is a hint otherwise, and where it describes neither the
-    fitted moves nor the motors. Where they speak `plainly`, while
-    the moves that were fitted are nearly described, as one gap describes two, and it comes nearer to a few moves, this
-    is asked for first, and nothing else if all moves and their motors are described with it, or nothing is left of
-    those that were fitted and of their motors; nor what swings, if the motors are described with this or with what else
-    was found. Where what was asked for first only led to a machine on which the model before comes nearer, all is asked
-    anew from there."""
+    nothing with which the motors agree as they do with it, and is a hint otherwise, as where it describes neither the
+    fitted moves nor the motors. Where they speak `plainly`, while the moves that were fitted are nearly described, as
+    one gap describes two, and it comes nearer to a few moves, this is asked for first, and nothing else if all moves
+    and their motors are described with it, or nothing is left of those that were fitted and of their motors; nor what
+    swings, if the motors are described with this or with what else was found. Where what was asked for first only led
+    to a machine on which the model before comes nearer, all is asked anew from there."""
     witnessed = as_heard_by_motors(before).validation_rms > 0.0
     imitated = plainly and witnessed and before.train_rms < SOUND
     asked_first = imitated and leads(scene, before, HIDDEN)

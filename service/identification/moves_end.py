@@ -117,7 +117,7 @@ def settled(found: Fitted, rounds: int, ridges: tuple[float, float] = OF_ADDED) 
     return on if on.rms >= HOPELESS else followed(on, rounds)
 
 
-def settled_present(found: Fitted, rounds: int, elsewhere: bool = True) -> Fitted:
+def settled_present(found: Fitted, rounds: int, elsewhere: bool) -> Fitted:
     """The same of the declared model. Where it lacks something it is only improved on, in the best of its valleys, and
     where it lacks much, or none `elsewhere` is asked for, in that where it stands: its numbers are not the machine's,
     however closely they are found, and whichever effect is the right one leads out of it."""
@@ -138,7 +138,7 @@ def declared_end(fits: Iterable[Fitted], rounds: int, smooth: float) -> Fitted:
             break
     nearest = min(ends, key=lambda f: f.rms)
     if elsewhere and nearest.rms > SOUND and (told := as_motors_tell(nearest)) is not nearest:
-        other = settled_present(told, rounds)
+        other = settled_present(told, rounds, elsewhere)
         return other if other.rms < PLAINLY_NEARER * nearest.rms else nearest
     return nearest
 
