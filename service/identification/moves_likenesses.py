@@ -72,11 +72,12 @@ def by_other_laws(
     for candidate in tried:
         other = replace(found, model=candidate.model)
         begun = [
-            fitted_from(other, values | dict(numbers), ROUNDS)
+            fitted_from(other, values | dict(numbers), FIRST_ROUNDS)
             for numbers in candidate.effect.imitating(values)
         ]
         if begun:
-            trial = judged(scene, present, min(begun, key=lambda f: f.rms))
+            nearest = min(begun, key=lambda f: f.rms)
+            trial = judged(scene, present, fit(nearest.moves, nearest.model, nearest.at, ROUNDS))
             if distance(trial) < AGAINST * distance(best):
                 trial = ended_if_named(scene, present, trial)
             out[candidate.name] = min((trials[candidate.name], trial), key=distance)

@@ -25,14 +25,13 @@ from service.identification.moves_carried import (
 from service.identification.moves_end import HOPELESS, RIDGE, SOUND, ended, settled
 from service.identification.moves_finals import (
     BEHIND,
-    described,
     describes_all,
     finished,
     leading,
     on_better_machines,
 )
 from service.identification.moves_heard import heard
-from service.identification.moves_likenesses import as_near, beside_likeness, by_other_laws, may_be_likeness
+from service.identification.moves_likenesses import as_near, beside_likeness, by_other_laws
 from service.identification.moves_looks import (
     ENDED,
     FAR_OFF,
@@ -131,8 +130,6 @@ def proposed(
     trials = finished(scene, present, trials)
     trials = trials | beside_likeness(scene, present, base, tried, trials)
     best = min(tried, key=lambda c: distance(trials[c.name]))
-    if described(trials[best.name]) and may_be_likeness(trials[best.name]):
-        trials = trials | {best.name: ended(scene, trials[best.name])}
     trials = trials | {best.name: in_other_shapes(scene, base, best, trials[best.name])}
     trials = trials | by_other_laws(scene, present, tried, trials)
     return trials | as_near(scene, present, trials)
