@@ -177,7 +177,9 @@ def begun_again(
 def fitted_on(base: Fitted, found: dict[str, Fitted], tried: Sequence[Candidate]) -> None:
     """The best of the fits continued and led across samples, then what they contain and what does much the same as the
     best, begun there. Where the present fit describes the moves already, what is missing shows in others, and hardly in
-    how near a fit comes: all are continued."""
+    how near a fit comes: all are continued. What is far behind one that describes the moves is not led across samples,
+    nor, where the present fit is far off, what is near: that may leave the error of a motion that was made by a wrong
+    force, and is gone with it."""
     floor = UNKNOWN_NUMBERS if base.rms >= HOPELESS else ENDED
     nearest = leading({name: one.rms for name, one in found.items()}, PROMISING)
     for name in nearest if base.rms > ENDED else list(found):
