@@ -23,13 +23,7 @@ from service.identification.moves_carried import (
     seconded,
 )
 from service.identification.moves_end import HOPELESS, RIDGE, SOUND, ended, settled
-from service.identification.moves_finals import (
-    BEHIND,
-    describes_all,
-    finished,
-    leading,
-    on_better_machines,
-)
+from service.identification.moves_finals import BEHIND, describes_all, finished, leading, on_better_machines
 from service.identification.moves_heard import heard
 from service.identification.moves_likenesses import as_near, beside_likeness, by_other_laws
 from service.identification.moves_looks import (
@@ -178,14 +172,14 @@ def fitted_on(base: Fitted, found: dict[str, Fitted], tried: Sequence[Candidate]
     """The best of the fits continued and led across samples, then what they contain and what does much the same as the
     best, begun there. Where the present fit describes the moves already, what is missing shows in others, and hardly in
     how near a fit comes: all are continued. What is far behind one that describes the moves is not led across samples,
-    nor, where the present fit is far off, what is near: that may leave the error of a motion that was made by a wrong
-    force, and is gone with it."""
-    floor = UNKNOWN_NUMBERS if base.rms >= HOPELESS else ENDED
+    nor, where none describes them and the present fit is far off, what is near: that may leave the error of a motion
+    that was made by a wrong force, and is gone with it."""
     nearest = leading({name: one.rms for name, one in found.items()}, PROMISING)
     for name in nearest if base.rms > ENDED else list(found):
         found[name] = fit(found[name].moves, found[name].model, found[name].at, ROUNDS)
-    least = min(one.rms for one in found.values())
-    behind, reached = (BEHIND, ENDED) if least <= ENDED else (FAR_OFF, floor)
+    described = min(one.rms for one in found.values()) <= ENDED
+    behind = BEHIND if described else FAR_OFF
+    reached = UNKNOWN_NUMBERS if base.rms >= HOPELESS and not described else ENDED
     for name in leading({name: one.rms for name, one in found.items()}, PROMISING, behind):
         found[name] = across(found[name]) if found[name].rms > reached else found[name]
     for candidate in tried:
