@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import permutations
 
 import numpy as np
@@ -68,17 +68,21 @@ def finished_of(
     """The trials, the `last` with the motor's motion reconstructed from them, and ended if they may be named; what
     swings comes last, and only if it is not far behind; where none is anywhere near, the nearest alone.
     What takes a part of what the present model leaves is led over ridges even where it is hopeless: the right effect
-    may stand there on a wrong chain. They are tried on each other's machines. The nearest is led on over further ridges
-    before any is ended, unless it is near and the motors speak against it; what one of them contains is begun where it
-    stands, and ended before it; what is far behind one that is ended and describes all is not. What comes closest to
-    the moves that it was fitted to is ended, too, if it is plainly closer to them, or describes them, even if it
-    describes the others not much worse: it may be the right one, on a chain that foretells the others badly."""
+    may stand there on a wrong chain; but what does not describe those moves either and is far behind one that is
+    finished and describes all would be led there in vain, and is left as it is, as what is far behind one that is
+    ended and takes nearly all of what is missing is not ended. They are tried on each other's machines. The nearest is
+    led on over further ridges before any is ended, unless it is near and the motors speak against it; what one of them
+    contains is begun where it stands, and ended before it. What comes closest to the moves that it was fitted to is
+    ended, too, if it is plainly closer to them, or describes them, even if it describes the others not much worse: it
+    may be the right one, on a chain that foretells the others badly."""
     out, done = dict(trials), list[str]()
     if min(trials[name].train_rms for name in last) > FAR_OFF * HOPELESS:
         last = last[:1]
     for name in sorted(last, key=lambda name: swings_at_all(trials[name].model.fitted.model)):
         nearest = min((out[other].train_rms for other in done), default=np.inf)
-        if nearest > ENDED or out[name].train_rms < BEHIND * nearest:
+        rivals = [rival for rival in done if described(out[rival]) and out[name].train_rms > DESCRIBED]
+        behind = nearest <= ENDED and out[name].train_rms >= BEHIND * nearest
+        if not (behind or outdone(name, out, rivals)):
             part = gone(present.train_rms, out[name].train_rms, PART)
             found, ridges = with_own_errors(out[name].model.fitted), HOWEVER_FAR if part else OF_ADDED
             out[name] = judged(scene, present, settled(found, ROUNDS, ridges))
@@ -98,7 +102,8 @@ def finished_of(
     if all(out[closest].train_rms < SECOND * out[name].train_rms for name in {first, *near} - {closest}):
         near.append(closest)
     for name in sorted({first, *near}, key=lambda name: len(out[name].model.fitted.model.parameters)):
-        if not (inner_suffices(name, out) or outdone(name, present, out)):
+        ends = [rival for rival, t in out.items() if t.model.ended and describes_all(present, t)]
+        if not (inner_suffices(name, out) or outdone(name, out, ends)):
             out[name] = ended_if_named(scene, present, out[name])
     if inner_suffices(closest, out):
         return out
@@ -173,16 +178,11 @@ def inner_suffices(name: str, trials: Mapping[str, Trial[Explained]]) -> bool:
     return any(trial.model.ended and shown(trial) <= LEFT_BY_CLEAN for trial in inner)
 
 
-def outdone(name: str, present: Trial[Explained], trials: Mapping[str, Trial[Explained]]) -> bool:
-    """Whether an effect is far behind another whose fit is ended and describes all moves, and whose law is not nearly
-    its own: it would be ended in vain."""
+def outdone(name: str, trials: Mapping[str, Trial[Explained]], rivals: Iterable[str]) -> bool:
+    """Whether an effect is far behind one of these rivals whose law is not nearly its own."""
     far = distance(trials[name])
     return any(
-        trial.model.ended
-        and describes_all(present, trial)
-        and far > BEHIND * distance(trial)
-        and name not in DRIVEN[other].nearly
-        for other, trial in trials.items()
+        far > BEHIND * distance(trials[rival]) and name not in DRIVEN[rival].nearly for rival in rivals
     )
 
 

@@ -53,7 +53,6 @@ def as_they_are(monkeypatch: Any, trials: dict[str, Any]) -> None:
     monkeypatch.setattr(moves_finals, "led_on", lambda fitted, *_: fitted)
     monkeypatch.setattr(moves_finals, "trial_of", lambda _scene, fitted, **_: trials[fitted.model.name])
     monkeypatch.setattr(moves_finals, "inner_suffices", lambda *_: False)
-    monkeypatch.setattr(moves_finals, "outdone", lambda *_: False)
 
 
 @pytest.mark.parametrize(("train_rms", "ended"), [(1.24, True), (1.5, False)], ids=["plainly", "hardly"])
@@ -130,26 +129,57 @@ def test_what_another_effect_contains_is_begun_where_that_one_ended(
 
 
 @pytest.mark.parametrize(
-    ("name", "ended", "described", "far", "outdone"),
-    [
-        ("transmission_ripple", True, True, 1.6, True),
-        ("transmission_ripple", False, True, 1.6, False),
-        ("transmission_ripple", True, False, 1.6, False),
-        ("transmission_ripple", True, True, 1.4, False),
-        ("sensor_filter", True, True, 1.6, False),
-    ],
-    ids=["far behind", "the other not ended", "not all described", "not far behind", "nearly its law"],
+    ("name", "far", "outdone"),
+    [("transmission_ripple", 1.6, True), ("transmission_ripple", 1.4, False), ("sensor_filter", 1.6, False)],
+    ids=["far behind", "not far behind", "nearly its law"],
+)
+def test_what_is_far_behind_is_outdone_unless_its_law_is_nearly_the_same(
+    name: str, far: float, outdone: bool
+) -> None:
+    trials = {"sensor_latency": a_trial("sensor_latency", 1.0, 1.0), name: a_trial(name, 1.0, far)}
+    assert moves_finals.outdone(name, cast(Any, trials), ["sensor_latency"]) is outdone
+    assert not moves_finals.outdone(name, cast(Any, trials), [])
+
+
+@pytest.mark.parametrize(
+    ("ended", "held", "is_ended"),
+    [(True, 1.1, False), (False, 1.1, True), (True, 4.0, True)],
+    ids=["the other ended", "the other not ended", "not all described"],
 )
 def test_what_is_far_behind_one_that_is_ended_and_describes_all_is_not_ended(
-    monkeypatch: Any, name: str, ended: bool, described: bool, far: float, outdone: bool
+    monkeypatch: Any, ended: bool, held: float, is_ended: bool
 ) -> None:
     """A preload left 1.05, and a ripple, at 1.53, was ended for 27 s beside it."""
-    latency = SimpleNamespace(model=SimpleNamespace(ended=ended), away=1.0)
-    other = SimpleNamespace(model=SimpleNamespace(ended=False), away=far)
-    monkeypatch.setattr(moves_finals, "distance", lambda trial: trial.away)
-    monkeypatch.setattr(moves_finals, "describes_all", lambda _present, trial: described and trial is latency)
-    trials = cast(Any, {"sensor_latency": latency, name: other})
-    assert moves_finals.outdone(name, PRESENT, trials) is outdone
+    trials = {FORCE: a_trial(FORCE, 1.1, held), "constant_force": a_trial("constant_force", 2.0, 5.0)}
+    as_they_are(monkeypatch, trials)
+    trials[FORCE].model.ended = ended
+    asked: list[str] = []
+    monkeypatch.setattr(
+        moves_finals, "ended_if_named", lambda _scene, _present, one: asked.append(one.name) or one
+    )
+    monkeypatch.setattr(moves_finals, "to_the_end", lambda _scene, one, *_: one)
+    moves_finals.finished(SCENE, PRESENT, cast(Any, trials))
+    assert ("constant_force" in asked) is is_ended
+
+
+@pytest.mark.parametrize(
+    ("left", "train", "far", "is_finished"),
+    [(1.1, 1.3, 5.1, False), (1.2, 1.3, 5.1, True), (1.1, 1.3, 1.6, True), (1.1, 1.1, 5.1, True)],
+    ids=["far behind", "not all described", "not far behind", "describes its own"],
+)
+def test_what_is_far_behind_one_that_is_finished_and_describes_all_is_not_finished(
+    monkeypatch: Any, left: float, train: float, far: float, is_finished: bool
+) -> None:
+    """Beside a constant force that left 0.96 and 1.05, a likeness at 1.34 and 5.1, the nearest before that was
+    finished, was led over ridges for 8 s."""
+    trials = {FORCE: a_trial(FORCE, 1.4, 1.5), FRICTION: a_trial(FRICTION, train, far)}
+    as_they_are(monkeypatch, {**trials, FORCE: a_trial(FORCE, 0.96, left)})
+    monkeypatch.setattr(moves_finals, "ended_if_named", lambda _scene, _present, one: one)
+    monkeypatch.setattr(moves_finals, "to_the_end", lambda _scene, one, *_: one)
+    asked: list[str] = []
+    monkeypatch.setattr(moves_finals, "settled", lambda fitted, *_: asked.append(fitted.model.name) or fitted)
+    moves_finals.finished(SCENE, PRESENT, cast(Any, trials))
+    assert (FRICTION in asked) is is_finished
 
 
 @pytest.mark.parametrize(
