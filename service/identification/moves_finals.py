@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import permutations
 
 import numpy as np
@@ -65,29 +65,14 @@ def finished(
 def finished_of(
     scene: Scene, present: Trial[Explained], trials: Mapping[str, Trial[Explained]], last: Sequence[str]
 ) -> dict[str, Trial[Explained]]:
-    """The trials, the `last` with the motor's motion reconstructed from them, and ended if they may be named; what
-    swings comes last, and only if it is not far behind; where none is anywhere near, the nearest alone.
-    What takes a part of what the present model leaves is led over ridges even where it is hopeless: the right effect
-    may stand there on a wrong chain; but what does not describe those moves either and is far behind one that is
-    finished and describes all would be led there in vain, and is left as it is, as what is far behind one that is
-    ended and takes nearly all of what is missing is not ended. They are tried on each other's machines. The nearest is
+    """The trials, the `last` settled, tried on each other's machines, and ended if they may be named. The nearest is
     led on over further ridges before any is ended, unless it is near and the motors speak against it; what one of them
-    contains is begun where it stands, and ended before it. What comes closest to the moves that it was fitted to is
-    ended, too, if it is plainly closer to them, or describes them, even if it describes the others not much worse: it
-    may be the right one, on a chain that foretells the others badly."""
-    out, done = dict(trials), list[str]()
-    if min(trials[name].train_rms for name in last) > FAR_OFF * HOPELESS:
-        last = last[:1]
-    for name in sorted(last, key=lambda name: swings_at_all(trials[name].model.fitted.model)):
-        nearest = min((out[other].train_rms for other in done), default=np.inf)
-        rivals = [rival for rival in done if described(out[rival]) and out[name].train_rms > DESCRIBED]
-        behind = nearest <= ENDED and out[name].train_rms >= BEHIND * nearest
-        if not (behind or outdone(name, out, rivals)):
-            part = gone(present.train_rms, out[name].train_rms, PART)
-            found, ridges = with_own_errors(out[name].model.fitted), HOWEVER_FAR if part else OF_ADDED
-            out[name] = judged(scene, present, settled(found, ROUNDS, ridges))
-            done.append(name)
-    out |= on_better_machines(scene, present, {name: out[name] for name in done})
+    contains is begun where it stands, and ended before it; what is far behind one that is ended and takes nearly all of
+    what is missing is not. What comes closest to the moves that it was fitted to is ended, too, if it is plainly closer
+    to them, or describes them, even if it describes the others not much worse: it may be the right one, on a chain that
+    foretells the others badly."""
+    done = settled_finalists(scene, present, trials, last)
+    out = {**trials, **on_better_machines(scene, present, done)}
     name = min(done, key=lambda name: out[name].train_rms)
     if out[name].train_rms >= HOPELESS or not plainly_against(present, out[name]):
         out[name] = led_further(scene, present, out[name])
@@ -102,12 +87,34 @@ def finished_of(
     if all(out[closest].train_rms < SECOND * out[name].train_rms for name in {first, *near} - {closest}):
         near.append(closest)
     for name in sorted({first, *near}, key=lambda name: len(out[name].model.fitted.model.parameters)):
-        ends = [rival for rival, t in out.items() if t.model.ended and describes_all(present, t)]
-        if not (inner_suffices(name, out) or outdone(name, out, ends)):
+        rivals = {n: trial for n, trial in out.items() if trial.model.ended and describes_all(present, trial)}
+        if not (inner_suffices(name, out) or outdone(name, out[name], rivals)):
             out[name] = ended_if_named(scene, present, out[name])
     if inner_suffices(closest, out):
         return out
     return out | {closest: to_the_end(scene, out[closest], DESCRIBED, AS_WELL)}
+
+
+def settled_finalists(
+    scene: Scene, present: Trial[Explained], trials: Mapping[str, Trial[Explained]], last: Sequence[str]
+) -> dict[str, Trial[Explained]]:
+    """The trials of the `last` with the motor's motion reconstructed from their fits, without those that are left as
+    they are: all but the nearest, where none is anywhere near; what swings, which comes last, if it is far behind; and
+    what does not describe the moves that it was fitted to and is far behind one that describes all. What takes a part
+    of what the present model leaves is led over ridges even where it is hopeless: the right effect may stand there on a
+    wrong chain."""
+    done = dict[str, Trial[Explained]]()
+    if min(trials[name].train_rms for name in last) > FAR_OFF * HOPELESS:
+        last = last[:1]
+    for name in sorted(last, key=lambda name: swings_at_all(trials[name].model.fitted.model)):
+        trial, nearest = trials[name], min((other.train_rms for other in done.values()), default=np.inf)
+        rivals = {rival: other for rival, other in done.items() if described(other)}
+        behind = nearest <= ENDED and trial.train_rms >= BEHIND * nearest
+        if not (behind or (trial.train_rms > DESCRIBED and outdone(name, trial, rivals))):
+            part = gone(present.train_rms, trial.train_rms, PART)
+            found, ridges = with_own_errors(trial.model.fitted), HOWEVER_FAR if part else OF_ADDED
+            done[name] = judged(scene, present, settled(found, ROUNDS, ridges))
+    return done
 
 
 def begun_there(
@@ -178,11 +185,11 @@ def inner_suffices(name: str, trials: Mapping[str, Trial[Explained]]) -> bool:
     return any(trial.model.ended and shown(trial) <= LEFT_BY_CLEAN for trial in inner)
 
 
-def outdone(name: str, trials: Mapping[str, Trial[Explained]], rivals: Iterable[str]) -> bool:
+def outdone(name: str, trial: Trial[Explained], rivals: Mapping[str, Trial[Explained]]) -> bool:
     """Whether an effect is far behind one of these rivals whose law is not nearly its own."""
-    far = distance(trials[name])
+    far = distance(trial)
     return any(
-        far > BEHIND * distance(trials[rival]) and name not in DRIVEN[rival].nearly for rival in rivals
+        far > BEHIND * distance(other) and name not in DRIVEN[rival].nearly for rival, other in rivals.items()
     )
 
 

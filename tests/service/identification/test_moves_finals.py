@@ -136,9 +136,9 @@ def test_what_another_effect_contains_is_begun_where_that_one_ended(
 def test_what_is_far_behind_is_outdone_unless_its_law_is_nearly_the_same(
     name: str, far: float, outdone: bool
 ) -> None:
-    trials = {"sensor_latency": a_trial("sensor_latency", 1.0, 1.0), name: a_trial(name, 1.0, far)}
-    assert moves_finals.outdone(name, cast(Any, trials), ["sensor_latency"]) is outdone
-    assert not moves_finals.outdone(name, cast(Any, trials), [])
+    rivals = {"sensor_latency": a_trial("sensor_latency", 1.0, 1.0)}
+    assert moves_finals.outdone(name, a_trial(name, 1.0, far), rivals) is outdone
+    assert not moves_finals.outdone(name, a_trial(name, 1.0, far), {})
 
 
 @pytest.mark.parametrize(
