@@ -38,7 +38,6 @@ from service.identification.selection import (
     distance,
     explained,
     gone,
-    gone_from_all,
     left,
     most_left,
     shown,
@@ -137,14 +136,19 @@ def finding_of(
 def _clear(selection: Selection[Explained], seen_at_rest: tuple[str, ...]) -> bool:
     """Whether what was found is a finding although little is missing and the backlash stays: it was seen at rest; alone
     it explains what shows in the moves that were fitted; or it is in no sound machine, explains all moves by itself,
-    which show something or whose motors contradict the model without it, and nothing else does or comes near."""
+    which show something, or those that were not fitted, whose motors contradict the model without it and not with it,
+    and nothing else does or comes near."""
     before, after, effects = selection.before, selection.after, selection.effects
     seen = shown(before) > SMALL
     if effects == seen_at_rest or (seen and by_itself(selection)):
         return True
-    clearly = gone_from_all(before, after, CLEARLY)
+    reconciled = _reconciles_motors(selection)
+    clearly = explained(before, after, CLEARLY) and (
+        gone(before.train_rms, after.train_rms, CLEARLY)
+        or (reconciled and after.train_rms <= before.train_rms)
+    )
     whole = len(effects) == 1 and clearly and (seen or after.validation_rms <= LEFT_BY_CLEAN)
-    uncommon = not common(selection) and (left(before) > SEARCHED or _reconciles_motors(selection))
+    uncommon = not common(selection) and (left(before) > SEARCHED or reconciled)
     if uncommon and whole and not common_comes_as_near(selection):
         return True
     return by_itself(selection) and _nothing_else_explains(selection)

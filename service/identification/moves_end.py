@@ -54,7 +54,7 @@ from service.identification.moves_starts import (
     unanswering,
 )
 from service.identification.scene import Scene
-from service.identification.selection import LEFT, UNKNOWN_NUMBERS, Trial
+from service.identification.selection import LEFT, UNKNOWN_NUMBERS, Trial, most_left
 
 BY_SETTLING = 0.5
 """Share of its RMS that a fit keeps when it is settled, below which others are settled beside it (chosen)."""
@@ -285,7 +285,8 @@ def ended(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
         gained, best = best.rms - further.rms, min(best, further, key=lambda f: f.rms)
         if gained < GAIN * best.rms:
             break
-    best = steady(with_errors_of_added(scene, best)) if best.rms <= LEFT else best
+    foretold = most_left(trial) <= ENDED
+    best = steady(with_errors_of_added(scene, best), not foretold) if best.rms <= LEFT else best
     out = trial if best is trial.model.fitted else trial_of(scene, best)
     if best.rms <= LEFT and out.validation_rms > ENDED:
         further = led_across(best)
@@ -311,19 +312,21 @@ def with_errors_of_added(scene: Scene, found: Fitted) -> Fitted:
     return fit(expecting_its_own(found), found.model, found.at, ROUNDS)
 
 
-def steady(found: Fitted) -> Fitted:
+def steady(found: Fitted, elsewhere: bool = True) -> Fitted:
     """The fit continued until it and the motion of the motors that is reconstructed from it agree: each takes the other
     along, and the numbers that no sample tells by itself, such as the parts of friction, arrive last. Every move may
     wander as the noise of its speed lets it; what leaves more than is expected then is led over further ridges, and to
-    chains that hardly damp: one that damps what the machine's does not is a valley of its own. Masses, springs and
-    dampings that no chain has are left here once more. A hopeless fit stays what it is."""
+    chains that hardly damp: one that damps what the machine's does not is a valley of its own. Not `elsewhere` where it
+    describes moves that it was not fitted to, too: no other valley would. Masses, springs and dampings that no chain
+    has are left here once more. A hopeless fit stays what it is."""
     if found.rms >= HOPELESS:
         return found
     if cornered(found):
         found = min(found, begun_by_speeds(found), key=lambda f: f.rms)
     white = agreed(whitened(found, True))
-    for elsewhere, least in ((over_ridges, EXPECTED), (hardly_damped_chain, ENDED)):
-        other = elsewhere(white) if white.rms > least else white
+    others = ((over_ridges, EXPECTED), (hardly_damped_chain, ENDED)) if elsewhere else ()
+    for another, least in others:
+        other = another(white) if white.rms > least else white
         white = agreed(other) if other.rms < RIDGE * white.rms else white
     still = whitened(white, False)
     damped = as_damped(still)
