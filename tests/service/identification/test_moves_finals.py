@@ -182,6 +182,18 @@ def test_what_is_far_behind_one_that_is_finished_and_describes_all_is_not_finish
     assert (FRICTION in asked) is is_finished
 
 
+def test_what_is_ended_is_not_settled_once_more(monkeypatch: Any) -> None:
+    """A ripple that was ended first, for 60 s, was settled with what hangs beside it, and ended again for 62 s."""
+    trials = {FORCE: a_trial(FORCE, 1.2, 1.6), FRICTION: a_trial(FRICTION, 1.1, 1.3)}
+    trials[FORCE].model.ended = True
+    as_they_are(monkeypatch, trials)
+    asked: list[str] = []
+    monkeypatch.setattr(moves_finals, "settled", lambda fitted, *_: asked.append(fitted.model.name) or fitted)
+    done = moves_finals.settled_finalists(SCENE, PRESENT, cast(Any, trials), [FORCE, FRICTION])
+    assert asked == [FRICTION]
+    assert done == trials
+
+
 @pytest.mark.parametrize(
     ("ended", "left", "suffices"), [(True, 1.2, True), (False, 1.2, False), (True, 1.4, False)]
 )
