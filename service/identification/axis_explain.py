@@ -56,8 +56,8 @@ Asked for by the motors, and where no torque was recorded and the other moves ar
 numbers that are not known could do that, too."""
 SWINGING = tuple(kind for kind in DRIVEN.values() if kind.free_swing is not None)
 """What swings, and is asked for at all frequencies where nothing else is found with which the motors agree."""
-OF_HIDDEN = replace(LIMITS, material=0.05)
-"""Where so little is left there is less to remove (chosen)."""
+WITNESSED = replace(LIMITS, material=0.05)
+"""Of what there is other evidence for, and little is left, there is less to remove (chosen)."""
 
 
 def explain_axes(
@@ -121,7 +121,7 @@ def missing_in(
     that differs a little from the machine's, as after a first effect."""
     if scene.zero_wanders and DrivenBias.name not in accepted:
         tell("the accelerometer's zero wanders while the axis rests")
-        found = searched(scene, before, tell, LIMITS, first=(DrivenBias,))
+        found = searched(scene, before, tell, WITNESSED, first=(DrivenBias,))
         if found.effects:
             return found
     alike = pure_error(before.model.fitted)
@@ -147,7 +147,7 @@ def missing_in(
     if contradict:
         return contradicted(scene, before, plainly, tell)
     if shown(before) <= SEARCHED and before.validation_rms > DESCRIBED and not by_motors:
-        return searched(scene, before, tell, OF_HIDDEN, first=HIDDEN)
+        return searched(scene, before, tell, WITNESSED, first=HIDDEN)
     return searched(scene, before, tell, LIMITS, but=HIDDEN if 0.0 < by_motors <= CONTRADICTED else ())
 
 

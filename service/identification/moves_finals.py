@@ -72,7 +72,8 @@ def finished_of(
     to them, or describes them, even if it describes the others not much worse: it may be the right one, on a chain that
     foretells the others badly."""
     done = settled_finalists(scene, present, trials, last)
-    out = {**trials, **on_better_machines(scene, present, done)}
+    better = on_better_machines(scene, present, done)
+    out = {**trials, **{name: t if t.model.ended else better[name] for name, t in done.items()}}
     name = min(done, key=lambda name: out[name].train_rms)
     if out[name].train_rms >= HOPELESS or not plainly_against(present, out[name]):
         out[name] = led_further(scene, present, out[name])

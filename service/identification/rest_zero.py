@@ -15,9 +15,9 @@ SHORTEST = 0.05
 """Time that a rest must hold for its mean [s]."""
 FEWEST = 6
 """Rests from which on a course is told from scatter: it has three numbers."""
-WANDERS = 0.57
+WANDERS = 0.32
 """Standard deviation of the zero over the noise of a sample from which on it is one of the things that a model may lack
-(chosen): it makes 1.15 of an RMS of 1."""
+(chosen): it makes 1.05 of an RMS of 1, more than a right model leaves. A zero that keeps still has no course at all."""
 SMOOTH = 0.5
 """Scatter of the rests about the zero's course, over its own standard deviation, up to which it is a course: what
 swings on in the rests, or moves the axis a little, goes up and down from rest to rest."""

@@ -14,7 +14,7 @@ from service.identification.axis_explain import (
     BEYOND,
     HIDDEN,
     LIMITS,
-    OF_HIDDEN,
+    WITNESSED,
     missing_in,
 )
 from service.identification.explanation import Candidate
@@ -59,8 +59,12 @@ def test_beyond_what_is_accepted_only_more_than_a_law_leaves_is_searched(
     def searched(
         _scene: Any, before: Trial[Any], _tell: Any, limits: Any, first: Any = (), but: Any = ()
     ) -> Selection[Any]:
-        names = {id(LIMITS): "zero" if first else "all", id(BEYOND): "beyond", id(OF_HIDDEN): "hidden"}
-        assert (first == HIDDEN) == (limits is OF_HIDDEN)
+        names = {
+            id(LIMITS): "all",
+            id(BEYOND): "beyond",
+            id(WITNESSED): "hidden" if first == HIDDEN else "zero",
+        }
+        assert bool(first) == (limits is WITNESSED)
         said.append(names[id(limits)] + (" but hidden" if but == HIDDEN else ""))
         return Selection(before, before, (), (), ())
 

@@ -192,6 +192,12 @@ def test_what_is_ended_is_not_settled_once_more(monkeypatch: Any) -> None:
     done = moves_finals.settled_finalists(SCENE, PRESENT, cast(Any, trials), [FORCE, FRICTION])
     assert asked == [FRICTION]
     assert done == trials
+    begun = {name: a_trial(name, 1.0, 1.2) for name in trials}
+    monkeypatch.setattr(moves_finals, "on_better_machines", lambda *_: begun)
+    monkeypatch.setattr(moves_finals, "ended_if_named", lambda _scene, _present, one: one)
+    monkeypatch.setattr(moves_finals, "to_the_end", lambda _scene, one, *_: one)
+    out = moves_finals.finished_of(SCENE, PRESENT, cast(Any, trials), [FORCE, FRICTION])
+    assert out == {FORCE: trials[FORCE], FRICTION: begun[FRICTION]}
 
 
 @pytest.mark.parametrize(
