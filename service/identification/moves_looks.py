@@ -40,8 +40,8 @@ from service.identification.moves_starts import (
     strong_either_way,
 )
 from service.identification.moves_valleys import valleys
-from service.identification.scene import Scene
-from service.identification.selection import EXPLAINED, UNKNOWN_NUMBERS, gone
+from service.identification.scene import NOT_SMOOTH, Scene
+from service.identification.selection import EXPLAINED, PART, UNKNOWN_NUMBERS, gone
 from service.recording import FloatArray
 
 GLIMPSE, FROM_AFAR = 2, 10
@@ -117,10 +117,10 @@ def compared(
     nearest, also of what is `known` by its RMS, or that may be the right ones, or have gone a part of their way, are
     looked at, and the nearest first, if they are not as near as a right one comes, a second time from more starts; once
     one explains nearly all, or what is known does, only those that are about as near; of all the nearest few. Where
-    none is near, all are begun from afar, too. Where the present fit describes the moves, it is no bad start, and no
-    other is tried; of many valleys the first look tells little even there. Where they are out of reach, the first look
-    is all; of further effects, which have no strong starts, it is all of each that is hardly nearer than the present
-    fit."""
+    none is near, all are begun from afar, too, in turn until one is. Where the present fit describes the moves, it is
+    no bad start, and no other is tried; of many valleys the first look tells little even there. Where they are out of
+    reach, the first look is all; of further effects, which have no strong starts, it is all of each that is hardly
+    nearer than the present fit."""
     present = on_a_few_moves(found).rms
     looks, seen, spared = all_glimpsed(scene, found, library, known, sparing, strong=not taken)
     least = min([known, *map(nearest, looks.values())])
@@ -130,8 +130,11 @@ def compared(
     looks |= {one.name: looked_at(looks[one.name]) for one in hopeful if one.name not in seen}
     least = min([known, *map(nearest, looks.values())])
     if not taken and least > NEAR:
-        looks |= {one.name: [*looks[one.name], *from_afar(scene, found, one)] for one in library}
-        least = min([known, *map(nearest, looks.values())])
+        for some in in_turn(scene, found, library):
+            looks |= {one.name: [*looks[one.name], *from_afar(scene, found, one)] for one in some}
+            least = min([known, *map(nearest, looks.values())])
+            if least <= NEAR:
+                break
         hopeful = [one for one in library if nearest(looks[one.name]) < max(FAR_OFF * least, NEAR)]
     out = {one.name: glanced(looks[one.name], found) for one in library}
     enough = enough_of_few(found, taken)
@@ -215,6 +218,15 @@ def strongly_glimpsed(scene: Scene, found: Fitted, candidate: Candidate, shape: 
 def has_strong_starts(found: Fitted, candidate: Candidate) -> bool:
     """Not where the present fit describes the moves, and of many valleys no single start tells."""
     return not candidate.effect.many_valleys and found.rms >= DESCRIBED
+
+
+def in_turn(scene: Scene, found: Fitted, library: Sequence[Candidate]) -> list[list[Candidate]]:
+    """The candidates that are begun from afar together: of those that are smooth, where all of them together leave more
+    than half of what is missing, none is likely to be near, and they come last."""
+    if gone(found.rms, scene.smooth_left, PART):
+        return [list(library)]
+    smooth = [one for one in library if one.name not in NOT_SMOOTH]
+    return [[one for one in library if one not in smooth], smooth]
 
 
 def from_afar(scene: Scene, found: Fitted, candidate: Candidate) -> list[Fitted]:

@@ -13,6 +13,7 @@ from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_library import DRIVEN
 from service.identification import moves_looks, moves_starts
 from service.identification.moves_starts import softer_contact
+from tests.service.identification.a_search import FORCE, FRICTION, HUNG
 
 pytestmark = pytest.mark.usefixtures("sound")
 
@@ -110,7 +111,8 @@ def test_a_second_look_is_for_what_may_still_be_the_best(monkeypatch: Any) -> No
         library = [
             SimpleNamespace(name=name, effect=SimpleNamespace(many_valleys=name in valleys)) for name in names
         ]
-        found, _ = moves_looks.compared(cast(Any, None), stub(rms), cast(Any, library), known)
+        scene = cast(Any, SimpleNamespace(smooth_left=np.inf))
+        found, _ = moves_looks.compared(scene, stub(rms), cast(Any, library), known)
         return {name: [one.rms for one in looks] for name, looks in found.items()}
 
     near = {"right": [1.0], "rival": [1.2, 1.2], "hopeful": [1.8]}
@@ -150,6 +152,21 @@ def test_a_second_look_is_for_what_may_still_be_the_best(monkeypatch: Any) -> No
     monkeypatch.setattr(moves_looks, "from_afar", lambda *args: [stub(1.5)] if args[-1].name == "far" else [])
     assert compared(6.8, tuple(nowhere)) == {"far": [1.5, 3.5, 4.9], "farther": [5.9]}
     assert again == ["far"], "what is near from there is looked at again"
+
+
+@pytest.mark.parametrize(
+    ("left", "turns"),
+    [(13.0, [[HUNG], [FORCE, FRICTION]]), (4.0, [[FORCE, HUNG, FRICTION]])],
+    ids=["explains little", "explains most"],
+)
+def test_what_is_smooth_is_begun_from_afar_last_where_all_of_it_together_explains_little(
+    left: float, turns: list[list[str]]
+) -> None:
+    """Beside a machine body that left 14.3, all smooth effects together left 14.0."""
+    library = [cast(Any, SimpleNamespace(name=name)) for name in (FORCE, HUNG, FRICTION)]
+    scene = cast(Any, SimpleNamespace(smooth_left=left))
+    found = [[one.name for one in some] for some in moves_looks.in_turn(scene, stub(14.3), library)]
+    assert found == turns
 
 
 @pytest.mark.parametrize(
