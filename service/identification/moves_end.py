@@ -316,8 +316,8 @@ def steady(found: Fitted, elsewhere: bool = True) -> Fitted:
     """The fit continued until it and the motion of the motors that is reconstructed from it agree: each takes the other
     along, and the numbers that no sample tells by itself, such as the parts of friction, arrive last. Every move may
     wander as the noise of its speed lets it; what leaves more than is expected then is led over further ridges, and to
-    chains that hardly damp: one that damps what the machine's does not is a valley of its own. Not `elsewhere` where it
-    describes moves that it was not fitted to, too: no other valley would. Masses, springs and dampings that no chain
+    chains that hardly damp: one that damps what the machine's does not is a valley of its own. Not `elsewhere` where
+    it describes all moves: no other valley describes more. Masses, springs and dampings that no chain
     has are left here once more. A hopeless fit stays what it is."""
     if found.rms >= HOPELESS:
         return found
