@@ -65,6 +65,8 @@ SEARCHES, AFAR = 3, 3.0
 """How often at most the valleys of a few moves are searched, and what the nearest may leave of these and their motors
 if it is to be the right one (chosen: wrong ones left 3.5 and more on two machines with two gaps, right ones 2.6 and
 less)."""
+AGAIN = 3
+"""How often at most what is not the finding is searched where it describes what was fitted (chosen)."""
 HINT = 1.0 / 3.0
 """Share of what samples and motors show from which on something hides there, although no fit found it (chosen)."""
 NO_GAP = 1e-6
@@ -86,31 +88,50 @@ def hidden(
     """What of these `kinds` hides between motor and load, if it takes `PART` of what samples and motors show away from
     the moves that were fitted, and of what the motors show from the others, beyond what chance does for the best
     `of_all` effects; the model before, where none does, and whether it is `hinted` at by less. Nothing is judged where
-    the motors are not heard in the others, or contradict the model no longer once it is fitted to them."""
+    the motors are not heard in the others, or contradict the model no longer once it is fitted to them. What describes
+    samples and motors of the moves that were fitted, and yet is not the finding, is searched once more from elsewhere:
+    something is there, and stands on a chain that foretells the others badly."""
     base, heard = before.model.fitted, as_heard_by_motors(before)
     tried = candidates(base.model, kinds, ()) if heard.validation_rms else []
     present = at_present(base) if tried else base
     by_numbers = bool(tried) and float(np.max(left_by_motors(present))) <= BY_NUMBERS_ONLY
-    begun = [] if by_numbers else [valley for one in tried for valley in promising(scene, base, one)]
-    if not begun:
+    found = list[tuple[Trial[Explained], Candidate, Gain]]()
+    for seed in range(SEED, SEED + AGAIN * SEARCHES, SEARCHES):
+        begun = [] if by_numbers else [one for c in tried for one in promising(scene, base, c, seed)]
+        if not begun:
+            break
+        name, trial, gain = nearest_trial(scene, before, present, begun)
+        tell(f"tried {name}: {gain.together[1]:.3f} with the motors (now {gain.together[0]:.3f})")
+        said = judged_by_motors(name, gain, (before, trial), (heard, as_heard_by_motors(trial)), of_all)
+        found.append((trial, said, gain))
+        if said.accepted or gain.together[1] > DESCRIBED:
+            break
+    if not found:
         why = "needed by no motor once the model is fitted to them, too"
         why = why if by_numbers else "explains nothing of a few moves and their motors"
         none = tuple(Candidate(one.name, before.held_rms, 1.0, False, why) for one in tried)
         return Selection(before, before, (), none, ())
-    nearest = on_all_moves(base, begun, present)
+    trial, said, _ = found[-1]
+    names = (said.effect,) if said.accepted else ()
+    after = trial if said.accepted else before
+    is_hint = any(gain.is_of(HINT) for _, _, gain in found) and heard.validation_rms > CONTRADICTED
+    return Selection(before, after, names, (said,), (), witnessed=names, hinted=not names and is_hint)
+
+
+def nearest_trial(
+    scene: Scene, before: Trial[Explained], present: Fitted, begun: Sequence[Fitted]
+) -> tuple[str, Trial[Explained], Gain]:
+    """The name and the trial of the nearest to all moves and their motors of what was fitted to a few, its play
+    otherwise divided if it does not describe all, and what it takes of what is left at `present`."""
+    nearest = on_all_moves(before.model.fitted, begun, present)
     name, gain = nearest.model.effects[-1].name, Gain.of(present, nearest)
     trial = trial_of(scene, nearest, thorough=gain.is_of(PART))
-    if not (nothing_left(nearest) and describes_all(before, trial)):
-        near = nearest.rms <= (HOPELESS if gain.is_of(PART) else SOUND)
-        divided = otherwise_divided(nearest) if near and not closed(nearest) else nearest
-        gain = Gain.of(present, divided)
-        trial = trial if divided is nearest else trial_of(scene, divided, thorough=gain.is_of(PART))
-    tell(f"tried {name}: {gain.together[1]:.3f} with the motors (now {gain.together[0]:.3f})")
-    said = judged_by_motors(name, gain, (before, trial), (heard, as_heard_by_motors(trial)), of_all)
-    names = (name,) if said.accepted else ()
-    after = trial if said.accepted else before
-    hinted = not names and gain.is_of(HINT) and heard.validation_rms > CONTRADICTED
-    return Selection(before, after, names, (said,), (), witnessed=names, hinted=hinted)
+    if nothing_left(nearest) and describes_all(before, trial):
+        return name, trial, gain
+    near = nearest.rms <= (HOPELESS if gain.is_of(PART) else SOUND)
+    divided = otherwise_divided(nearest) if near and not closed(nearest) else nearest
+    gain = Gain.of(present, divided)
+    return name, trial if divided is nearest else trial_of(scene, divided, thorough=gain.is_of(PART)), gain
 
 
 def leads(scene: Scene, before: Trial[Explained], kinds: Sequence[type[DrivenEffect]]) -> bool:
@@ -120,14 +141,14 @@ def leads(scene: Scene, before: Trial[Explained], kinds: Sequence[type[DrivenEff
     return any(comes_nearer(scene, base, one) for one in candidates(base.model, kinds, ()))
 
 
-def promising(scene: Scene, base: Fitted, candidate: DrivenCandidate) -> list[Fitted]:
+def promising(scene: Scene, base: Fitted, candidate: DrivenCandidate, first: int = SEED) -> list[Fitted]:
     """The fits of a few moves in the candidate's best valleys, of those that are not hopeless and take `OF_FEW` of what
     the present model leaves of these moves and their motors. Where a search begins is chance: they are searched again
     if the nearest is `AFAR`, or if none is promising where the samples are described and only the motors are not, as
     it is a gap that they speak of as a rule."""
     present = left_at_present(asked(base), base)
     near = list[Fitted]()
-    for seed in range(SEED, SEED + SEARCHES):
+    for seed in range(first, first + SEARCHES):
         found = valleys(scene, base, candidate, seed)
         sound = [one for one in found if one.rms_with_motors < HOPELESS]
         near += [one for one in sound if gone(present, one.rms_with_motors, OF_FEW)]
