@@ -44,6 +44,8 @@ from service.identification.selection import (
 
 FINALISTS = 2
 """Effects whose fit is finished with the motor's motion reconstructed from it, the nearest to all moves."""
+OF_DESCRIBED = 4
+"""How many of those that describe the moves that were fitted are finished however they foretell the others (chosen)."""
 BEHIND = 1.5
 """How much farther from the moves than the best a fit may be and still be finished (chosen)."""
 
@@ -53,7 +55,7 @@ def finished(
 ) -> dict[str, Trial[Explained]]:
     """The trials, those of the finalists finished: first what describes the moves that it was fitted to with numbers
     that such an effect has, and all others, too, unless it ends where it describes the other moves."""
-    last = finalists(trials)
+    last = finalists(present, trials)
     likely = [n for n in last if trials[n].train_rms <= LEFT_BY_CLEAN and not trials[n].at_limits]
     if likely and any(trials[name].at_limits for name in last):
         trials = finished_of(scene, present, trials, likely)
@@ -139,7 +141,8 @@ def on_better_machines(
     moves better and is about as near to those that were fitted: two effects may do much the same in these, on two
     machines, and only one of the machines is right."""
     out = dict(trials)
-    for name, other in permutations(leading({n: t.train_rms for n, t in trials.items()}, FINALISTS), 2):
+    leaders = leading({n: t.train_rms for n, t in trials.items()}, FINALISTS + 1)
+    for name, other in permutations(leaders, 2):
         there = trials[other]
         if there.validation_rms < SECOND * out[name].validation_rms:
             found, machine = out[name].model.fitted, values_at(there.model.fitted)
@@ -217,11 +220,13 @@ def leading(found: Mapping[str, float], count: int, behind: float = BEHIND) -> l
     ]
 
 
-def finalists(trials: Mapping[str, Trial[Explained]]) -> list[str]:
-    """The nearest to all moves, and the nearest to those that were fitted: where a fit has not ended, each may
-    mislead."""
-    by_train = leading({name: trial.train_rms for name, trial in trials.items()}, 1)
-    return list(dict.fromkeys([*leading({n: distance(t) for n, t in trials.items()}, FINALISTS), *by_train]))
+def finalists(present: Trial[Explained], trials: Mapping[str, Trial[Explained]]) -> list[str]:
+    """The nearest to all moves, and the nearest to those that were fitted, and what describes those where the present
+    model leaves much: where a fit has not ended, each may mislead."""
+    by_train = {name: trial.train_rms for name, trial in trials.items()}
+    own = [name for name in leading(by_train, OF_DESCRIBED) if by_train[name] <= ENDED]
+    nearest = leading({n: distance(t) for n, t in trials.items()}, FINALISTS)
+    return list(dict.fromkeys([*nearest, *leading(by_train, 1), *(own if present.train_rms > SOUND else ())]))
 
 
 def may_be_named(present: Trial[Explained], trial: Trial[Explained]) -> bool:

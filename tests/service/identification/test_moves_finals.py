@@ -29,9 +29,27 @@ def test_those_are_finished_that_are_nearest_to_all_moves_or_to_those_that_were_
         name: cast(Any, SimpleNamespace(train_rms=train, held_rms=held))
         for name, (train, held) in errors.items()
     }
-    assert finalists(trials) == ["friction", "force", "body"]
+    assert finalists(PRESENT, trials) == ["friction", "force", "body"]
     trials["friction"].train_rms = 4.5
-    assert finalists(trials) == ["friction", "force"]
+    assert finalists(PRESENT, trials) == ["friction", "force"]
+
+
+@pytest.mark.parametrize(
+    ("present", "last"),
+    [(2.6, ["body", "ripple", "gain"]), (1.1, ["body", "ripple"])],
+    ids=["much", "little"],
+)
+def test_what_describes_the_moves_that_were_fitted_is_finished_where_much_was_left(
+    present: float, last: list[str]
+) -> None:
+    """A gain, of one number, left 0.93 of the fitted moves and 2.4 of the others; a ripple, 0.91 and 1.24, was named,
+    and the backlash, 0.6 um off, was 2.2 um off with it."""
+    errors = {"body": (0.89, 1.2), "ripple": (0.91, 1.24), "gain": (0.93, 2.4), "force": (1.2, 4.4)}
+    trials = {
+        name: cast(Any, SimpleNamespace(train_rms=train, held_rms=held))
+        for name, (train, held) in errors.items()
+    }
+    assert finalists(cast(Any, SimpleNamespace(train_rms=present)), trials) == last
 
 
 def a_trial(name: str, train: float, held: float) -> Any:
