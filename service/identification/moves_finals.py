@@ -46,6 +46,8 @@ FINALISTS = 2
 """Effects whose fit is finished with the motor's motion reconstructed from it, the nearest to all moves."""
 OF_DESCRIBED = 4
 """How many of those that describe the moves that were fitted are finished however they foretell the others (chosen)."""
+LEADERS = 3
+"""How many of those that are nearest to the moves that were fitted are tried on each other's machines (chosen)."""
 BEHIND = 1.5
 """How much farther from the moves than the best a fit may be and still be finished (chosen)."""
 
@@ -141,8 +143,7 @@ def on_better_machines(
     moves better and is about as near to those that were fitted: two effects may do much the same in these, on two
     machines, and only one of the machines is right."""
     out = dict(trials)
-    leaders = leading({n: t.train_rms for n, t in trials.items()}, FINALISTS + 1)
-    for name, other in permutations(leaders, 2):
+    for name, other in permutations(leading({n: t.train_rms for n, t in trials.items()}, LEADERS), 2):
         there = trials[other]
         if there.validation_rms < SECOND * out[name].validation_rms:
             found, machine = out[name].model.fitted, values_at(there.model.fitted)

@@ -131,7 +131,9 @@ def nearest_trial(
     near = nearest.rms <= (HOPELESS if gain.is_of(PART) else SOUND)
     divided = otherwise_divided(nearest) if near and not closed(nearest) else nearest
     gain = Gain.of(present, divided)
-    return name, trial if divided is nearest else trial_of(scene, divided, thorough=gain.is_of(PART)), gain
+    if divided is not nearest:
+        trial = trial_of(scene, divided, thorough=gain.is_of(PART))
+    return name, trial, gain
 
 
 def leads(scene: Scene, before: Trial[Explained], kinds: Sequence[type[DrivenEffect]]) -> bool:

@@ -247,7 +247,7 @@ def test_what_describes_the_fitted_moves_and_their_motors_and_not_the_others_is_
     monkeypatch: pytest.MonkeyPatch, left: float, right: int, seeds: list[int]
 ) -> None:
     """A gap of 48 um beside 173 um left 1.10 of samples and motors, 1.00 of the samples, and 1.61 of the other moves;
-    three of five searches that began elsewhere led to one that described those, too."""
+    of seven searches from different seeds five led to one that described those, too."""
     base = SimpleNamespace(motors=np.array([3.0]), model=None)
     before: Trial[Any] = replace(trial(2.0), model=SimpleNamespace(fitted=base))
     begun, gain = list[int](), Gain((3.0, left), (8.0, 1.5))
