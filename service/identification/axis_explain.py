@@ -18,7 +18,7 @@ from service.identification.held_out import DESCRIBED, SEARCHED, Explained, over
 from service.identification.moves_carried import SECOND
 from service.identification.moves_end import SOUND, declared_end, ended
 from service.identification.moves_finals import describes_all, may_be_named
-from service.identification.moves_hidden import as_heard_by_motors, hidden, leads, swinging
+from service.identification.moves_hidden import Near, as_heard_by_motors, hidden, leads, swinging
 from service.identification.moves_motors import CONTRADICTED, PLAINLY, left_by_motors, nothing_left
 from service.identification.moves_repeated import pure_error
 from service.identification.moves_search import challenged, propose, without
@@ -136,16 +136,17 @@ def missing_in(
     if contradict:
         tell(f"the motors' equations of motion leave {by_motors:.1f} of the noise")
     plainly = by_motors > PLAINLY * before.train_rms and not suffices(before, scene.smooth_left)
+    near: Near = {}
     if asked_of_impurities(scene, before) and (contradict or shown(before) > SEARCHED):
         found = with_impurities(scene, before, tell)
         sound = only_impurities(found)
         if sound and (
-            not contradict or describes_motors(before, sound.after) or not leads(scene, before, HIDDEN)
+            not contradict or describes_motors(before, sound.after) or not leads(scene, before, HIDDEN, near)
         ):
             return sound
         plainly = plainly and not any(suffices(before, one.train_rms) for one in found.tried)
     if contradict:
-        return contradicted(scene, before, plainly, tell)
+        return contradicted(scene, before, plainly, tell, near)
     if shown(before) <= SEARCHED and before.validation_rms > DESCRIBED and not by_motors:
         return searched(scene, before, tell, WITNESSED, first=HIDDEN)
     return searched(scene, before, tell, LIMITS, but=HIDDEN if 0.0 < by_motors <= CONTRADICTED else ())
@@ -169,7 +170,7 @@ def only_impurities(found: Selection[Explained]) -> Selection[Explained] | None:
 
 
 def contradicted(
-    scene: Scene, before: Trial[Explained], plainly: bool, tell: Callable[[str], None]
+    scene: Scene, before: Trial[Explained], plainly: bool, tell: Callable[[str], None], near: Near
 ) -> Selection[Explained]:
     """What is missing where the motors contradict the model. If nothing is found with which their equations of motion
     hold, what swings is asked for at all frequencies, and taken if they hold with it; then what may be hidden: it has
@@ -179,11 +180,12 @@ def contradicted(
     one gap describes two, and it comes nearer to a few moves, this is asked for first, and nothing else if all moves
     and their motors are described with it, or nothing is left of those that were fitted and of their motors; nor what
     swings, if the motors are described with this or with what else was found. Where what was asked for first only led
-    to a machine on which the model before comes nearer, all is asked anew from there."""
+    to a machine on which the model before comes nearer, all is asked anew from there. What may be hidden goes on from
+    what was begun `near` by."""
     witnessed = as_heard_by_motors(before).validation_rms > 0.0
     imitated = plainly and witnessed and before.train_rms < SOUND
-    asked_first = imitated and leads(scene, before, HIDDEN)
-    first = hidden(scene, before, HIDDEN, len(DRIVEN), tell) if asked_first else None
+    asked_first = imitated and leads(scene, before, HIDDEN, near)
+    first = hidden(scene, before, HIDDEN, len(DRIVEN), tell, near) if asked_first else None
     if first and first.effects:
         elsewhere = challenged(scene, before, first.after)
         if distance(elsewhere) < SECOND * distance(before):
@@ -207,7 +209,7 @@ def contradicted(
             again = {candidate.effect for candidate in swung.candidates}
             others = tuple(one for one in beside.candidates if one.effect not in again)
             return replace(swung, candidates=others + swung.candidates)
-    found = first or hidden(scene, before, HIDDEN, len(DRIVEN), tell)
+    found = first or hidden(scene, before, HIDDEN, len(DRIVEN), tell, near)
     told_of = bool(found.effects) and tells_of_it(before, found.after)
     if told_of and not (finding_of(beside)[0] == "effect" and describes_better(before, beside, found)):
         return found

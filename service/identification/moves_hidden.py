@@ -32,7 +32,9 @@ from service.identification.moves_starts import ROUNDS, candidates, unanswering
 from service.identification.moves_starts import Candidate as DrivenCandidate
 from service.identification.moves_valleys import (
     SEED,
+    Begun,
     asked,
+    begun_near,
     comes_nearer,
     left_at_present,
     valleys,
@@ -73,6 +75,10 @@ NO_GAP = 1e-6
 """Width below which a gap is none [m] (chosen: what a backlash is wanted to)."""
 
 
+Near = dict[str, Begun]
+"""What was begun near the present fit, by effect, until the search takes it over."""
+
+
 def at_present(base: Fitted) -> Fitted:
     """The present model fitted to the samples and its motors' equations of motion."""
     return jointly(replace(base, moves=unanswering(base.moves)))
@@ -84,6 +90,7 @@ def hidden(
     kinds: Sequence[type[DrivenEffect]],
     of_all: int,
     tell: Callable[[str], None],
+    near: Near | None = None,
 ) -> Selection[Explained]:
     """What of these `kinds` hides between motor and load, if it takes `PART` of what samples and motors show away from
     the moves that were fitted, and of what the motors show from the others, beyond what chance does for the best
@@ -97,7 +104,7 @@ def hidden(
     by_numbers = bool(tried) and float(np.max(left_by_motors(present))) <= BY_NUMBERS_ONLY
     found = list[tuple[Trial[Explained], Candidate, Gain]]()
     for seed in range(SEED, SEED + AGAIN * SEARCHES, SEARCHES):
-        begun = [] if by_numbers else [one for c in tried for one in promising(scene, base, c, seed)]
+        begun = [] if by_numbers else [one for c in tried for one in promising(scene, base, c, seed, near)]
         if not begun:
             break
         name, trial, gain = nearest_trial(scene, before, present, begun)
@@ -136,29 +143,35 @@ def nearest_trial(
     return name, trial, gain
 
 
-def leads(scene: Scene, before: Trial[Explained], kinds: Sequence[type[DrivenEffect]]) -> bool:
+def leads(scene: Scene, before: Trial[Explained], kinds: Sequence[type[DrivenEffect]], near: Near) -> bool:
     """Whether one of these `kinds`, begun near by, comes nearer to a few moves and their motors than the model before:
-    then it is likely there, and else another effect may well be that takes less time to find."""
+    then it is likely there, and else another effect may well be that takes less time to find. What was begun is kept
+    in `near` for the search."""
     base = before.model.fitted
-    return any(comes_nearer(scene, base, one) for one in candidates(base.model, kinds, ()))
+    for one in candidates(base.model, kinds, ()):
+        near[one.name] = near.get(one.name) or begun_near(scene, base, one)
+    return any(comes_nearer(base, begun) for begun in near.values())
 
 
-def promising(scene: Scene, base: Fitted, candidate: DrivenCandidate, first: int = SEED) -> list[Fitted]:
+def promising(
+    scene: Scene, base: Fitted, candidate: DrivenCandidate, first: int = SEED, near: Near | None = None
+) -> list[Fitted]:
     """The fits of a few moves in the candidate's best valleys, of those that are not hopeless and take `OF_FEW` of what
     the present model leaves of these moves and their motors. Where a search begins is chance: they are searched again
     if the nearest is `AFAR`, or if none is promising where the samples are described and only the motors are not, as
-    it is a gap that they speak of as a rule."""
+    it is a gap that they speak of as a rule. The first search takes over what was begun `near` by."""
     present = left_at_present(asked(base), base)
-    near = list[Fitted]()
+    out = list[Fitted]()
     for seed in range(first, first + SEARCHES):
-        found = valleys(scene, base, candidate, seed)
+        begun = near.pop(candidate.name, None) if near and seed == SEED else None
+        found = valleys(scene, base, candidate, seed, begun)
         sound = [one for one in found if one.rms_with_motors < HOPELESS]
-        near += [one for one in sound if gone(present, one.rms_with_motors, OF_FEW)]
+        out += [one for one in sound if gone(present, one.rms_with_motors, OF_FEW)]
         followed = bool(found) and worth_following(present, found[0].rms_with_motors)
-        afar = min((one.rms_with_motors for one in near), default=np.inf) > AFAR
-        if not (afar if near else followed and base.rms <= LEFT):
+        afar = min((one.rms_with_motors for one in out), default=np.inf) > AFAR
+        if not (afar if out else followed and base.rms <= LEFT):
             break
-    return nearest_of(near, VALLEYS)
+    return nearest_of(out, VALLEYS)
 
 
 def on_all_moves(base: Fitted, begun: Sequence[Fitted], present: Fitted) -> Fitted:

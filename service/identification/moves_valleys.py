@@ -10,6 +10,7 @@ at random and fitted again: an evolution strategy (mu + lambda) whose survivors 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -78,19 +79,28 @@ QUICK, FROM_AFAR = 2, 4
 """Rounds after which the worse half of the new fits is given up, and of those that begin on machines drawn anew."""
 
 
-def valleys(scene: Scene, found: Fitted, candidate: Candidate, seed: int = SEED) -> list[Fitted]:
+class Begun(NamedTuple):
+    """Fits of a `few` moves from about the numbers of the present fit, and the random numbers that go on after them."""
+
+    few: tuple[Moves, ...]
+    fits: list[Fitted]
+    rng: np.random.Generator
+
+
+def valleys(
+    scene: Scene, found: Fitted, candidate: Candidate, seed: int = SEED, near: Begun | None = None
+) -> list[Fitted]:
     """The best fits of a few moves, each in a valley of its own, the best first; only one where none is promising, and
-    none where more is missing than the effect can do."""
+    none where more is missing than the effect can do. What was begun `near` by with this seed is not begun again."""
     if found.rms > TOO_MUCH:
         return []
-    rng, few = np.random.default_rng(seed), asked(found)
+    few, begun, rng = near or begun_near(scene, found, candidate, seed)
     own = widened((own_of_few(found),), candidate.model)
-    begun = from_near(scene, found, candidate, few, rng)
     drawn = (
         begun_at(few, candidate.model, values, own) for values in typical_machines(found, candidate, rng)
     )
-    begun += fitted_best(few, candidate, drawn, FROM_AFAR, DRAWN_FITTED)
-    alive = survivors(begun, candidate)
+    from_afar = fitted_best(few, candidate, drawn, FROM_AFAR, DRAWN_FITTED)
+    alive = survivors([*begun, *from_afar], candidate)
     present = left_at_present(few, found)
     if not (alive and worth_following(present, alive[0].rms_with_motors)):
         return alive[:1]
@@ -106,24 +116,21 @@ def valleys(scene: Scene, found: Fitted, candidate: Candidate, seed: int = SEED)
     return alive
 
 
-def comes_nearer(scene: Scene, found: Fitted, candidate: Candidate) -> bool:
-    """Whether the effect comes `AHEAD` of the present fit on a few moves and their motors, begun near by."""
-    few = asked(found)
-    begun = from_near(scene, found, candidate, few, np.random.default_rng(SEED))
-    return min(f.rms_with_motors for f in begun) < AHEAD * left_at_present(few, found)
+def comes_nearer(found: Fitted, near: Begun) -> bool:
+    """Whether what was begun near by comes `AHEAD` of the present fit on a few moves and their motors."""
+    return min(f.rms_with_motors for f in near.fits) < AHEAD * left_at_present(near.few, found)
 
 
-def from_near(
-    scene: Scene, found: Fitted, candidate: Candidate, few: Sequence[Moves], rng: np.random.Generator
-) -> list[Fitted]:
+def begun_near(scene: Scene, found: Fitted, candidate: Candidate, seed: int = SEED) -> Begun:
     """Fits of a few moves from about the numbers of the present fit."""
+    few, rng = asked(found), np.random.default_rng(seed)
     own = widened((own_of_few(found),), candidate.model)
     where = places_of_loads(few[0], found.model, found.at.shared, own_of_few(found))
     begun = [
         about(few, candidate, values, own[0], where, SETS, (WIDE, WIDE), rng)[0]
         for values in near_by(scene, found, candidate)
     ]
-    return fitted_best(few, candidate, begun, QUICK, FITTED)
+    return Begun(few, fitted_best(few, candidate, begun, QUICK, FITTED), rng)
 
 
 def typical_machines(found: Fitted, candidate: Candidate, rng: np.random.Generator) -> Iterator[Values]:

@@ -253,7 +253,7 @@ def test_what_describes_the_fitted_moves_and_their_motors_and_not_the_others_is_
     begun, gain = list[int](), Gain((3.0, left), (8.0, 1.5))
 
     def promising(*args: Any) -> list[Any]:
-        begun.append(args[-1])
+        begun.append(args[3])
         return ["valley"]
 
     def judged(*_: Any) -> Candidate:
@@ -384,15 +384,34 @@ def test_valleys_are_searched_again_where_a_gap_is_likely_and_none_near(
     monkeypatch.setattr(moves_hidden, "left_at_present", lambda _few, _found: present)
     seeds: list[int] = []
 
-    def valleys(_scene: Any, _base: Any, _candidate: Any, seed: int) -> list[Any]:
+    taken_over: list[Any] = []
+
+    def valleys(_scene: Any, _base: Any, _candidate: Any, seed: int, begun: Any) -> list[Any]:
         seeds.append(seed)
+        taken_over.append(begun)
         return [two_gaps(0.0, 0.0, first if len(seeds) == 1 else 1.2)]
 
     monkeypatch.setattr(moves_hidden, "valleys", valleys)
     base: Any = SimpleNamespace(model=None, at=None, rms=rms)
-    found = promising(cast(Any, None), base, cast(Any, None))
+    begun: Any = {"gearbox_clearance": "begun near by"}
+    candidate: Any = SimpleNamespace(name="gearbox_clearance")
+    found = promising(cast(Any, None), base, candidate, near=begun)
     assert len(seeds) == len(set(seeds)) == (2 if 1.2 in near else 1)
+    assert taken_over == ["begun near by", None][: len(seeds)]
+    assert not begun, "its random numbers go on: it cannot be taken over twice"
     assert [one.rms_with_motors for one in found] == near
+
+
+def test_what_is_begun_near_by_is_begun_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    counted: list[str] = []
+    monkeypatch.setattr(moves_hidden, "candidates", lambda *_: [SimpleNamespace(name="gearbox_clearance")])
+    monkeypatch.setattr(moves_hidden, "begun_near", lambda _s, _b, one: counted.append(one.name) or "begun")
+    monkeypatch.setattr(moves_hidden, "comes_nearer", lambda _base, begun: begun == "begun")
+    before: Any = SimpleNamespace(model=SimpleNamespace(fitted=SimpleNamespace(model=None)))
+    near: Any = {}
+    assert moves_hidden.leads(cast(Any, None), before, (), near)
+    assert moves_hidden.leads(cast(Any, None), before, (), near)
+    assert counted == ["gearbox_clearance"] and near == {"gearbox_clearance": "begun"}
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ from service.identification.moves_valleys import (
     FITTED,
     LEAST,
     POPULATION,
+    Begun,
     by_rests,
     fitted_best,
     survivors,
@@ -158,6 +159,11 @@ def test_what_begins_on_typical_machines_goes_on_beside_what_begins_on_the_prese
     )
     valleys(cast(Any, None), found, candidate)
     assert seen == FITTED * [4.25] + DRAWN_FITTED * [4.35]
+    seen.clear()
+    near = Begun(cast(Any, ((),)), [cast(Any, SimpleNamespace(rms_with_motors=4.3))], np.random.default_rng())
+    valleys(cast(Any, None), found, candidate, near=near)
+    assert seen == [4.3] + DRAWN_FITTED * [4.35], "begun near by already"
+    assert [one.rms_with_motors for one in near.fits] == [4.3]
 
 
 def test_an_effect_with_one_valley_is_not_varied() -> None:
