@@ -12,6 +12,7 @@ chosen are fitted with the few ways beside it in which the speed's noise lets a 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,6 +29,21 @@ UNTRUSTED = 0.25
 TOGETHER = 24
 WAYS = 6
 """In which a move wanders; chosen: the motor's place and speed when the gap opens and when it closes, and some more."""
+
+
+class Expected(NamedTuple):
+    """What a right model is expected to miss.
+
+    Attributes
+    ----------
+    acceleration : (T, X, K) the standard deviation of the residuals over the sensor's noise
+    wander : how that divides
+    force : (T, X, K + 1) the standard deviation of the force on the motors [m/s²]
+    """
+
+    acceleration: FloatArray
+    wander: Wander
+    force: FloatArray
 
 
 def speed_errors(moves: Moves, x: int, skew: float) -> FloatArray:
@@ -48,41 +64,44 @@ def expected_errors(
     local: FloatArray,
     *,
     fitted: bool,
-) -> tuple[FloatArray, Wander]:
-    """What the residuals of a right model are expected to be, at a point of it: shared (P,), local (T, L). Where the
-    moves are `fitted` whole, so is how far a gantry's motors wandered apart.
-
-    Returns
-    -------
-    The residuals' standard deviation over the noise (T, X, K), and how it divides.
-    """
+) -> Expected:
+    """What a right model is expected to miss, at a point of it: shared (P,), local (T, L). Where the moves are `fitted`
+    whole, so is how far a gantry's motors wandered apart."""
     values = model.complete(model.values(shared[None]))
     skews = [float(values[f"{a}.skew"][0]) for a in moves.axes]
     c = motor_coefficients(moves, np.array([skews]))
     plain = replace(moves, motion=tuple(moves.plain for _ in moves.grids), echoes=(), reference=None)
     doubted = UNTRUSTED * (motor_coefficients(plain, np.array([skews])) - c)
     doubted[..., 0] -= doubted[:, :, :1, :, 0]
-    said = simulated(moves, model, shared[None], local[None], c).acceleration()
+    course = simulated(moves, model, shared[None], local[None], c)
+    said, acts = course.acceleration(), course.force()
 
-    def off(motion: FloatArray) -> FloatArray:
+    def off(motion: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Of the acceleration (S, T, X, K), over the noise, and of the force (S, T, X, K + 1) [m/s²]."""
         S = len(motion)
         lanes = np.tile(shared, (S, 1)), np.tile(local, (S, 1, 1))
-        changed = simulated(moves, model, *lanes, motion).acceleration() - said
-        return np.asarray(np.nan_to_num(changed / moves.noise[:, None]))
+        changed = simulated(moves, model, *lanes, motion)
+        missed = (changed.acceleration() - said) / moves.noise[:, None]
+        return np.nan_to_num(missed), np.nan_to_num(changed.force() - acts)
 
-    beside = 1.0 + off(c + doubted)[0] ** 2
+    beside, of_force = (one[0] ** 2 for one in off(c + doubted))
+    beside += 1.0
     if len(moves.axes) == 2 and model.bridge and not fitted:
         wander = np.zeros_like(c)
         wander[:, :, :, 1, 0] = moves.apart * WANDERING
-        beside += off(c + wander)[0] ** 2
+        apart, pulls = off(c + wander)
+        beside, of_force = beside + apart[0] ** 2, of_force + pulls[0] ** 2
     by_sample = []
     for x, skew in enumerate(skews):
         for errors in in_parts(speed_errors(moves, x, skew)):
             motion = np.tile(c, (len(errors), 1, 1, 1, 1))
             motion[:, :, :, x] += errors
-            by_sample.append(off(motion))
+            missed, pulls = off(motion)
+            by_sample.append(missed)
+            of_force = of_force + np.sum(pulls**2, axis=0)
     together = np.concatenate(by_sample)
-    return np.sqrt(beside + np.sum(together**2, axis=0)), wander_of(together, beside, moves.used)
+    acceleration = np.sqrt(beside + np.sum(together**2, axis=0))
+    return Expected(acceleration, wander_of(together, beside, moves.used), np.sqrt(of_force))
 
 
 def wander_of(together: FloatArray, beside: FloatArray, used: FloatArray) -> Wander:

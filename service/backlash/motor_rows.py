@@ -105,6 +105,7 @@ def motor_rows(
     loads: Sequence[Load],
     motions: Sequence[PPoly],
     noise: tuple[float, float],
+    spread: Sequence[FloatArray],
     lag: float = 0.0,
 ) -> list[MotorRows]:
     """The rows of one motor in every move over the noise; none where so many samples of its speed were lost that they
@@ -117,6 +118,7 @@ def motor_rows(
     loads : the force on the motor as the model says it so far
     motions : of the motor so far
     noise : standard deviation of a sample of the speed [rad/s] and of the torque [N m]
+    spread : (K + 1,) standard deviation of that force with a right model [m/s²]
     lag : of the speed that the drive reports [s]
     """
     within = [(speed.time >= load[0][0]) & (speed.time <= load[0][-1]) for load in loads]
@@ -133,11 +135,13 @@ def motor_rows(
         place = np.asarray(motion(0.5 * (time[1:] + time[:-1])))
         balances.append(Balanced(known[where], course, time, v, place))
         left.append(float(np.mean(noise_left[inside])))
-    spread = [one.by_noise(load[1], noise, transmission) for one, load in zip(balances, loads, strict=True)]
-    return [
-        one.rows(np.where(one.moving, share / np.maximum(about, one.least), 0.0))
-        for one, share, about in zip(balances, left, spread, strict=True)
-    ]
+    out = []
+    for one, load, share, of_force in zip(balances, loads, left, spread, strict=True):
+        found = one.found(load[1])
+        about = np.maximum(one.by_noise(found, noise, transmission), one.least) / share
+        doubted = np.abs(found[4]) * np.sqrt(np.maximum(one.heard.mean @ of_force**2, 0.0))
+        out.append(one.rows(np.where(one.moving, 1.0 / np.hypot(about, doubted), 0.0)))
+    return out
 
 
 @dataclass(frozen=True)
@@ -183,10 +187,13 @@ class Balanced:
         own, acceleration = np.linalg.qr(self.own * weight[:, None])[0], self.acceleration * weight
         return MotorRows(self.heard, weight, own, acceleration - own @ (own.T @ acceleration), self.place)
 
-    def by_noise(self, force: FloatArray, noise: tuple[float, float], transmission: float) -> FloatArray:
-        """(n,) the standard deviation of the balance with such a force (K + 1,) by the noise of speed and torque."""
+    def found(self, force: FloatArray) -> FloatArray:
+        """(6,) the factors with which `own`, such a force (K + 1,) and its change balance the motor where it moves."""
         acts = np.column_stack((self.own, self.heard.mean @ force, self.heard.change @ force))
-        found = np.linalg.lstsq(acts[self.moving], self.acceleration[self.moving], rcond=None)[0]
+        return np.asarray(np.linalg.lstsq(acts[self.moving], self.acceleration[self.moving], rcond=None)[0])
+
+    def by_noise(self, found: FloatArray, noise: tuple[float, float], transmission: float) -> FloatArray:
+        """(n,) the standard deviation of the balance with such factors by the noise of speed and torque."""
         of_speed = noise[0] * transmission * np.sqrt(2.0) / np.diff(self.time)
         return np.asarray(np.hypot(of_speed, found[0] * noise[1] * BETWEEN))
 

@@ -62,8 +62,8 @@ def begun_anew(found: Fitted) -> Fitted:
 def with_expected_errors(moves: Moves, found: Fitted, fitted: bool) -> Moves:
     """The moves with the spread that a right model's residuals would have, judged at a fit."""
     at = rests_found([moves], found.model, Point(found.at.shared, resting([moves], found.model)))
-    expected, wander = expected_errors(moves, found.model, at.shared, at.local[0], fitted=fitted)
-    return replace(moves, expected=expected, wander=wander)
+    expected = expected_errors(moves, found.model, at.shared, at.local[0], fitted=fitted)
+    return replace(moves, expected=expected.acceleration, wander=expected.wander, force_spread=expected.force)
 
 
 def expecting_its_own(found: Fitted) -> tuple[Moves, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
 from scipy.interpolate import PPoly
 
 from service.backlash.alike_moves import on_one_course
@@ -70,7 +71,9 @@ def with_motors_asked(moves: Moves, model: Model, shared: FloatArray, force: Flo
         motions = [motion[x] for motion in moves.motion]
         speed, ratio = recording.traces[axis, "motor_speed"], recording.axis(axis).transmission
         noise = sample_noise(speed, recording), sample_noise(torque, recording)
-        rows = motor_rows(speed, torque, moves.noise_left[x], ratio, loads, motions, noise, lags[x])
+        spread = np.zeros(force.shape) if moves.force_spread is None else moves.force_spread
+        unsure = list(spread[:, x])
+        rows = motor_rows(speed, torque, moves.noise_left[x], ratio, loads, motions, noise, unsure, lags[x])
         if not rows:
             return moves
         motors.append(rows)

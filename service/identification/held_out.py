@@ -107,8 +107,10 @@ class Explained:
         """RMS over the sensor's noise that is expected of the held-out errors of each axis (X,) if this model is right:
         the noise of the motor's speed moves the load, too, and numbers are known as well as the moves tell them."""
         moves, at = self.held.moves, self.held.at
-        own, _ = expected_errors(self.held.simulated, self.fitted.model, at.shared, at.local[0], fitted=False)
-        expected = np.where(moves.used, np.hypot(own, moves.expected * self.held.doubted), np.nan)
+        own = expected_errors(self.held.simulated, self.fitted.model, at.shared, at.local[0], fitted=False)
+        expected = np.where(
+            moves.used, np.hypot(own.acceleration, moves.expected * self.held.doubted), np.nan
+        )
         return np.array([rms(expected[:, x]) for x in range(len(moves.axes))])
 
 

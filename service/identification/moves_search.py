@@ -199,7 +199,13 @@ def challenged(scene: Scene, present: Trial[Explained], best: Trial[Explained]) 
     now, other = present.model.fitted, best.model.fitted
     model = replace(now.model, lumps=other.model.lumps)
     moves = [
-        replace(theirs, expected=own.expected, judged=own.judged, wander=own.wander)
+        replace(
+            theirs,
+            expected=own.expected,
+            judged=own.judged,
+            wander=own.wander,
+            force_spread=own.force_spread,
+        )
         for theirs, own in zip(other.moves, now.moves, strict=True)
     ]
     own = tuple(local[:, : width(model)] for local in other.at.local)

@@ -69,6 +69,7 @@ def rows_of_a_motor(
         [(grid, force_at(grid)) for grid in grids],
         [motion] * len(grids),
         noise=told or (noise, 0.0),
+        spread=[np.zeros(len(grid)) for grid in grids],
     )
     return rows, grids
 

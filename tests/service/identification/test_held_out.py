@@ -86,9 +86,9 @@ def test_what_is_announced_holds_the_noise_of_all_channels_by_the_model_itself_a
 
     as_simulated, at = replace(moves), Point(found.at.shared, found.at.local[:1])
 
-    def by_itself(of: Moves, _model: Model, *point: FloatArray, fitted: bool) -> tuple[FloatArray, None]:
+    def by_itself(of: Moves, _model: Model, *point: FloatArray, fitted: bool) -> Any:
         assert of is as_simulated and point[0] is at.shared and point[1] is at.local[0]
-        return np.full_like(of.expected, 6.0 + fitted), None
+        return SimpleNamespace(acceleration=np.full_like(of.expected, 6.0 + fitted))
 
     monkeypatch.setattr("service.identification.held_out.expected_errors", by_itself)
     explained = Explained(found, Held(moves, np.zeros_like(moves.expected), doubted, as_simulated, at))
