@@ -26,6 +26,10 @@ from service.recording import FloatArray
 
 UNTRUSTED = 0.25
 """Share of what reconstructing changes in the motor's motion between its samples that is doubted (chosen)."""
+SEED, DRAWS, MANY = 1, 24, 4.0
+"""Random noises of all samples, and how many times the sum of what the samples do must be exceeded by their mean square
+(chosen): where a load bounces off a flank, which sooner or later does not happen, all samples together do what none
+does alone."""
 TOGETHER = 24
 WAYS = 6
 """In which a move wanders; chosen: the motor's place and speed when the gap opens and when it closes, and some more."""
@@ -91,17 +95,32 @@ def expected_errors(
         wander[:, :, :, 1, 0] = moves.apart * WANDERING
         apart, pulls = off(c + wander)
         beside, of_force = beside + apart[0] ** 2, of_force + pulls[0] ** 2
-    by_sample = []
+    by_sample, by_force, rng = [], np.zeros_like(acts[0]), np.random.default_rng(SEED)
+    drawn = np.tile(c, (DRAWS, 1, 1, 1, 1))
     for x, skew in enumerate(skews):
-        for errors in in_parts(speed_errors(moves, x, skew)):
+        every = speed_errors(moves, x, skew)
+        drawn[:, :, :, x] += np.einsum(
+            "snt,ntkc->stkc", rng.standard_normal((DRAWS, *every.shape[:2])), every, optimize=True
+        )
+        for errors in in_parts(every):
             motion = np.tile(c, (len(errors), 1, 1, 1, 1))
             motion[:, :, :, x] += errors
             missed, pulls = off(motion)
             by_sample.append(missed)
-            of_force = of_force + np.sum(pulls**2, axis=0)
+            by_force += np.sum(pulls**2, axis=0)
     together = np.concatenate(by_sample)
-    acceleration = np.sqrt(beside + np.sum(together**2, axis=0))
-    return Expected(acceleration, wander_of(together, beside, moves.used), np.sqrt(of_force))
+    summed = np.sum(together**2, axis=0)
+    missed, pulls = off(drawn)
+    beside += beyond(missed, summed)
+    of_force = of_force + by_force + beyond(pulls, by_force)
+    return Expected(np.sqrt(beside + summed), wander_of(together, beside, moves.used), np.sqrt(of_force))
+
+
+def beyond(drawn: FloatArray, summed: FloatArray) -> FloatArray:
+    """The mean square of what whole noises do (S, …) beyond the sum of squares of what the samples do by themselves,
+    where it is many times as much."""
+    mean = np.mean(drawn**2, axis=0)
+    return np.where(mean > MANY * summed, mean - summed, 0.0)
 
 
 def wander_of(together: FloatArray, beside: FloatArray, used: FloatArray) -> Wander:

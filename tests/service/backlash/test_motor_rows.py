@@ -48,10 +48,11 @@ def rows_of_a_motor(
     told: tuple[float, float] | None = None,
     lost: tuple[float, float] = (0.0, 0.0),
     back: float = 0.0,
+    unsure: float = 0.0,
 ) -> tuple[list[MotorRows], list[FloatArray]]:
     """The rows of all moves, told the true force, and the times of their grids; `noise` of the speed in rad/s, which
     the rows are told, or other noise of speed and torque; samples of the speed `lost` between two times; the motor
-    swings `back` after a move, by such a share of it."""
+    swings `back` after a move, by such a share of it; the force is `unsure` by such a standard deviation [m/s²]."""
     rng = np.random.default_rng(4)
     time = np.arange(0.0, STARTS[-1] + DURATION + REST, 1e-3)
     v = speed_at(time) - back * speed_at(time - DURATION)
@@ -69,7 +70,7 @@ def rows_of_a_motor(
         [(grid, force_at(grid)) for grid in grids],
         [motion] * len(grids),
         noise=told or (noise, 0.0),
-        spread=[np.zeros(len(grid)) for grid in grids],
+        spread=[np.full(len(grid), unsure) for grid in grids],
     )
     return rows, grids
 
@@ -145,6 +146,16 @@ def test_over_the_noise_the_true_force_leaves_one_and_a_wrong_one_more() -> None
     assert left == pytest.approx(1.0, abs=0.1)
     less = [force_at(grid) - 0.4 * touching(grid) * np.tanh(speed_at(grid) / 0.002) for grid in grids]
     assert rms_of(rows, less) * np.sqrt(share) > 1.2
+
+
+def test_where_the_force_is_hardly_known_the_motor_tells_less() -> None:
+    """The balance is off by `FORCE` times what the force is off by, beside what the noise does."""
+    for noise in (0.001, 0.01):
+        sure, unsure = (rows_of_a_motor(noise, unsure=by)[0] for by in (0.0, 0.5))
+        for one, other in zip(sure, unsure, strict=True):
+            moving = one.weight > 0.0
+            more = other.weight[moving] ** -2 - one.weight[moving] ** -2
+            np.testing.assert_allclose(np.sqrt(more), 0.5 * FORCE, rtol=0.1)
 
 
 def test_over_twice_as_much_is_left_half_as_much_whatever_the_force() -> None:

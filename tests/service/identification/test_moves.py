@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from service.backlash.expected_errors import WAYS, expected_errors, speed_errors, wander_of
-from service.backlash.moves import moves_of, sensor_zero
+from service.backlash.moves import Moves, moves_of, sensor_zero
 from service.backlash.moves_begun import begun_anew
 from service.backlash.moves_fit import Fitted, fit
 from service.backlash.moves_point import Point
-from service.backlash.moves_predicted import REST_SPREAD
+from service.backlash.moves_predicted import REST_SPREAD, predict
 from service.backlash.moves_refined import rms_of_moves
 from service.backlash.rest_noise import noise_at_rest, sample_noise
 from service.backlash.signals import summed
@@ -47,6 +47,37 @@ def test_a_noisier_drive_makes_larger_errors_expected(
     ]
     assert np.all(spreads[0] >= 1.0)
     assert np.mean(spreads[1]) > 2.0 * np.mean(spreads[0])
+
+
+@pytest.mark.parametrize("noise", [0.01, 0.1])
+def test_what_the_noise_of_the_speed_does_to_force_and_acceleration_is_expected(
+    captures: tuple[Recording, Recording], found: Fitted, noise: float
+) -> None:
+    """A load that is about to come off a flank does so in one recording and not in the other: there all samples
+    together do what none of them does alone (213 times as much beside the larger noise, before this was expected)."""
+    train, rng = captures[0], np.random.default_rng(5)
+    speed, shared, own = train.traces["X1", "motor_speed"], found.at.shared, found.at.local[0]
+
+    def with_noise() -> Moves:
+        value = speed.value + noise * rng.standard_normal(len(speed))
+        traces = {**train.traces, ("X1", "motor_speed"): Trace(speed.time, value)}
+        moves = moves_of(replace(train, traces=traces), ("X1",))
+        return replace(moves, noise_left=(np.ones(len(speed)),))
+
+    expected = expected_errors(with_noise(), found.model, shared, own, fitted=True)
+    courses = [predict(with_noise(), found.model, shared[None], own[None]) for _ in range(30)]
+    over_noise = np.concatenate([course.acceleration() for course in courses]) / found.moves[0].noise[:, None]
+    force = np.concatenate([course.force() for course in courses])
+    for drawn, spread in ((over_noise, expected.acceleration), (force, expected.force)):
+        ratio = np.std(drawn, axis=0, ddof=1) / np.maximum(spread, 1e-3)
+        assert np.quantile(ratio, 0.99) < 4.0
+    moved = expected.acceleration > 2.0
+    of_speed = np.sqrt(expected.acceleration**2 - 1.0)
+    assert np.median((np.std(over_noise, axis=0) / of_speed)[moved]) == pytest.approx(0.95, abs=0.2)
+    acts = expected.force > 0.1 * np.max(expected.force)
+    assert np.median((np.std(force, axis=0) / np.maximum(expected.force, 1e-9))[acts]) == pytest.approx(
+        0.95, abs=0.2
+    )
 
 
 def test_the_errors_of_single_samples_add_up_to_the_error_of_all(
