@@ -42,7 +42,7 @@ class Expected(NamedTuple):
     ----------
     acceleration : (T, X, K) the standard deviation of the residuals over the sensor's noise
     wander : how that divides
-    force : (T, X, K + 1) the standard deviation of the force on the motors [m/s²]
+    force : (S, T, X, K + 1) courses by which the force on the motors may be off, whose squares add up [m/s²]
     """
 
     acceleration: FloatArray
@@ -88,14 +88,15 @@ def expected_errors(
         missed = (changed.acceleration() - said) / moves.noise[:, None]
         return np.nan_to_num(missed), np.nan_to_num(changed.force() - acts)
 
-    beside, of_force = (one[0] ** 2 for one in off(c + doubted))
-    beside += 1.0
+    missed, pulls = off(c + doubted)
+    beside, of_force = 1.0 + missed[0] ** 2, [pulls]
     if len(moves.axes) == 2 and model.bridge and not fitted:
         wander = np.zeros_like(c)
         wander[:, :, :, 1, 0] = moves.apart * WANDERING
-        apart, pulls = off(c + wander)
-        beside, of_force = beside + apart[0] ** 2, of_force + pulls[0] ** 2
-    by_sample, by_force, rng = [], np.zeros_like(acts[0]), np.random.default_rng(SEED)
+        missed, pulls = off(c + wander)
+        beside += missed[0] ** 2
+        of_force.append(pulls)
+    by_sample, rng = [], np.random.default_rng(SEED)
     drawn = np.tile(c, (DRAWS, 1, 1, 1, 1))
     for x, skew in enumerate(skews):
         every = speed_errors(moves, x, skew)
@@ -105,15 +106,14 @@ def expected_errors(
         for errors in in_parts(every):
             motion = np.tile(c, (len(errors), 1, 1, 1, 1))
             motion[:, :, :, x] += errors
-            missed, pulls = off(motion)
-            by_sample.append(missed)
-            by_force += np.sum(pulls**2, axis=0)
+            by_sample.append(off(motion)[0])
     together = np.concatenate(by_sample)
     summed = np.sum(together**2, axis=0)
     missed, pulls = off(drawn)
     beside += beyond(missed, summed)
-    of_force = of_force + by_force + beyond(pulls, by_force)
-    return Expected(np.sqrt(beside + summed), wander_of(together, beside, moves.used), np.sqrt(of_force))
+    of_force.append(pulls / np.sqrt(DRAWS))
+    wandering = wander_of(together, beside, moves.used)
+    return Expected(np.sqrt(beside + summed), wandering, np.concatenate(of_force))
 
 
 def beyond(drawn: FloatArray, summed: FloatArray) -> FloatArray:

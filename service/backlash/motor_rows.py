@@ -105,7 +105,7 @@ def motor_rows(
     loads: Sequence[Load],
     motions: Sequence[PPoly],
     noise: tuple[float, float],
-    spread: Sequence[FloatArray],
+    off: Sequence[FloatArray],
     lag: float = 0.0,
 ) -> list[MotorRows]:
     """The rows of one motor in every move over the noise; none where so many samples of its speed were lost that they
@@ -118,7 +118,7 @@ def motor_rows(
     loads : the force on the motor as the model says it so far
     motions : of the motor so far
     noise : standard deviation of a sample of the speed [rad/s] and of the torque [N m]
-    spread : (K + 1,) standard deviation of that force with a right model [m/s²]
+    off : (S, K + 1) courses by which that force may be off with a right model, whose squares add up [m/s²]
     lag : of the speed that the drive reports [s]
     """
     within = [(speed.time >= load[0][0]) & (speed.time <= load[0][-1]) for load in loads]
@@ -136,10 +136,10 @@ def motor_rows(
         balances.append(Balanced(known[where], course, time, v, place))
         left.append(float(np.mean(noise_left[inside])))
     out = []
-    for one, load, share, of_force in zip(balances, loads, left, spread, strict=True):
+    for one, load, share, of_force in zip(balances, loads, left, off, strict=True):
         found = one.found(load[1])
         about = np.maximum(one.by_noise(found, noise, transmission), one.least) / share
-        doubted = np.abs(found[4]) * np.sqrt(np.maximum(one.heard.mean @ of_force**2, 0.0))
+        doubted = np.abs(found[4]) * np.sqrt(np.sum((one.heard.mean @ of_force.T) ** 2, axis=1))
         out.append(one.rows(np.where(one.moving, 1.0 / np.hypot(about, doubted), 0.0)))
     return out
 

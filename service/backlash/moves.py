@@ -104,8 +104,8 @@ class Moves:
     heard : the same as the sensor heard it in the rest before, where nothing else is known: (T,) each, by the name of
         an effect's coordinate of a move, in its unit; and where the move before left a pinion between two gaps
     wander, white : how what is expected divides, and whether residuals are whitened by it
-    force_spread : (T, X, K + 1) standard deviation of the force on the motors that a right model is expected to have
-        [m/s²]; none where that is not known
+    force_off : (S, T, X, K + 1) courses by which the force on the motors may be off with a right model, whose squares
+        add up [m/s²]; none where that is not known
     lasting : how long residuals of acceleration are summed up to those of speed [s]; 0: they are compared themselves
     apart : how far a gantry's motors may be apart beyond their positions, over the prior's width
     alike : moves of the recording, by index, that the drives made alike
@@ -127,7 +127,7 @@ class Moves:
     swings: Swings | None = None
     heard: Mapping[str, FloatArray] = field(default_factory=dict)
     wander: Wander | None = None
-    force_spread: FloatArray | None = None
+    force_off: FloatArray | None = None
     white: bool = False
     lasting: float = 0.0
     apart: float = 1.0

@@ -63,7 +63,7 @@ def with_expected_errors(moves: Moves, found: Fitted, fitted: bool) -> Moves:
     """The moves with the spread that a right model's residuals would have, judged at a fit."""
     at = rests_found([moves], found.model, Point(found.at.shared, resting([moves], found.model)))
     expected = expected_errors(moves, found.model, at.shared, at.local[0], fitted=fitted)
-    return replace(moves, expected=expected.acceleration, wander=expected.wander, force_spread=expected.force)
+    return replace(moves, expected=expected.acceleration, wander=expected.wander, force_off=expected.force)
 
 
 def expecting_its_own(found: Fitted) -> tuple[Moves, ...]:

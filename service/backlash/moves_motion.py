@@ -71,8 +71,8 @@ def with_motors_asked(moves: Moves, model: Model, shared: FloatArray, force: Flo
         motions = [motion[x] for motion in moves.motion]
         speed, ratio = recording.traces[axis, "motor_speed"], recording.axis(axis).transmission
         noise = sample_noise(speed, recording), sample_noise(torque, recording)
-        spread = np.zeros(force.shape) if moves.force_spread is None else moves.force_spread
-        unsure = list(spread[:, x])
+        off = np.zeros((1, *force.shape)) if moves.force_off is None else moves.force_off
+        unsure = list(np.moveaxis(off[:, :, x], 0, 1))
         rows = motor_rows(speed, torque, moves.noise_left[x], ratio, loads, motions, noise, unsure, lags[x])
         if not rows:
             return moves

@@ -204,7 +204,7 @@ def challenged(scene: Scene, present: Trial[Explained], best: Trial[Explained]) 
             expected=own.expected,
             judged=own.judged,
             wander=own.wander,
-            force_spread=own.force_spread,
+            force_off=own.force_off,
         )
         for theirs, own in zip(other.moves, now.moves, strict=True)
     ]

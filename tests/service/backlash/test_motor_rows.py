@@ -70,7 +70,7 @@ def rows_of_a_motor(
         [(grid, force_at(grid)) for grid in grids],
         [motion] * len(grids),
         noise=told or (noise, 0.0),
-        spread=[np.full(len(grid), unsure) for grid in grids],
+        off=[np.full((4, len(grid)), 0.5 * unsure) for grid in grids],
     )
     return rows, grids
 

@@ -68,16 +68,15 @@ def test_what_the_noise_of_the_speed_does_to_force_and_acceleration_is_expected(
     courses = [predict(with_noise(), found.model, shared[None], own[None]) for _ in range(30)]
     over_noise = np.concatenate([course.acceleration() for course in courses]) / found.moves[0].noise[:, None]
     force = np.concatenate([course.force() for course in courses])
-    for drawn, spread in ((over_noise, expected.acceleration), (force, expected.force)):
+    off = np.sqrt(np.sum(expected.force**2, axis=0))
+    for drawn, spread in ((over_noise, expected.acceleration), (force, off)):
         ratio = np.std(drawn, axis=0, ddof=1) / np.maximum(spread, 1e-3)
         assert np.quantile(ratio, 0.99) < 4.0
     moved = expected.acceleration > 2.0
     of_speed = np.sqrt(expected.acceleration**2 - 1.0)
     assert np.median((np.std(over_noise, axis=0) / of_speed)[moved]) == pytest.approx(0.95, abs=0.2)
-    acts = expected.force > 0.1 * np.max(expected.force)
-    assert np.median((np.std(force, axis=0) / np.maximum(expected.force, 1e-9))[acts]) == pytest.approx(
-        0.95, abs=0.2
-    )
+    acts = off > 0.1 * np.max(off)
+    assert np.median(np.std(force, axis=0)[acts] / off[acts]) == pytest.approx(0.95, abs=0.2)
 
 
 def test_the_errors_of_single_samples_add_up_to_the_error_of_all(
