@@ -30,7 +30,7 @@ SEED, DRAWS, MANY = 1, 24, 4.0
 """Random noises of all samples, and how many times the sum of what the samples do must be exceeded by their mean square
 (chosen): where a load bounces off a flank, which sooner or later does not happen, all samples together do what none
 does alone."""
-TOGETHER = 24
+TOGETHER = 8
 WAYS = 6
 """In which a move wanders; chosen: the motor's place and speed when the gap opens and when it closes, and some more."""
 
@@ -109,9 +109,9 @@ def expected_errors(
             by_sample.append(off(motion)[0])
     together = np.concatenate(by_sample)
     summed = np.sum(together**2, axis=0)
-    missed, pulls = off(drawn)
-    beside += beyond(missed, summed)
-    of_force.append(pulls / np.sqrt(DRAWS))
+    of_all = [off(part) for part in in_parts(drawn)]
+    beside += beyond(np.concatenate([missed for missed, _ in of_all]), summed)
+    of_force += [pulls / np.sqrt(DRAWS) for _, pulls in of_all]
     wandering = wander_of(together, beside, moves.used)
     return Expected(np.sqrt(beside + summed), wandering, np.concatenate(of_force))
 
