@@ -8,7 +8,8 @@ overcome friction all the way, so what is left of the motor's equation of motion
 with the force F that a model makes is a second witness: of friction above all. What the motor has of its own (its
 inertia under both, its friction, which is a constant against the motion and a share of the speed, and how late torque
 and force are) is fitted to every move by itself and taken off, so that the rows say nothing of it and stay within their
-move.
+move. They are over the noise of speed and torque and over what a right model's force may be off by: after an impact
+the motor's motion between two samples of its speed is known so well only, and stiff flanks turn 0.1 µm into newtons.
 """
 
 from __future__ import annotations
