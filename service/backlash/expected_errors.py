@@ -3,12 +3,13 @@ the force on the motors.
 
 The model is driven by the measured speed of the motor. Its noise, which the drive shows at rest, is integrated to a
 position that wanders by some 0.1 µm within a move, and stiff flanks turn that into accelerations above the sensor's
-noise. So residuals are compared with the variance I + G·Gᵀ, in which G is what one standard deviation of every
-speed sample does to the prediction, how far the motion between the speed's samples is trusted, and how far the motors
-of a gantry may have wandered apart. Where a load bounces off its flanks, all samples together do what none does alone:
-there noises of all samples, drawn at random, say how much is expected, as they do of the force. While effects are searched for, only its diagonal is used, as weights: whitening by
-the whole of it was found to take a structure that is slightly off for a wander. The numbers of the structure that was
-chosen are fitted with the few ways beside it in which the speed's noise lets a move wander.
+noise. So residuals are compared with the variance I + G·Gᵀ, in which G is what one standard deviation of every speed
+sample does to the prediction, how far the motion between the speed's samples is trusted, and how far the motors of a
+gantry may have wandered apart. Where a load bounces off its flanks, all samples together do what none does alone: there
+noises of all samples, drawn at random, say how much is expected, as they do of the force. While effects are searched
+for, only its diagonal is used, as weights: whitening by the whole of it was found to take a structure that is slightly
+off for a wander. The numbers of the structure that was chosen are fitted with the few ways beside it in which the
+speed's noise lets a move wander.
 """
 
 from __future__ import annotations
