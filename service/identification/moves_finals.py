@@ -105,9 +105,10 @@ def settled_finalists(
 ) -> dict[str, Trial[Explained]]:
     """The trials of the `last` with the motor's motion reconstructed from their fits, without those that are left as
     they are: all but the nearest, where none is anywhere near; what swings, which comes last, if it is far behind; and
-    what does not describe the moves that it was fitted to and is far behind one that describes all. What is ended stays
-    so. What takes a part of what the present model leaves is led over ridges even where it is hopeless: the right
-    effect may stand there on a wrong chain."""
+    what does not describe the moves that it was fitted to and is far behind one that describes all, unless that one
+    contains it: until its own motion is reconstructed it is no nearer from there, either. What is ended stays so. What
+    takes a part of what the present model leaves is led over ridges even where it is hopeless: the right effect may
+    stand there on a wrong chain."""
     done = dict[str, Trial[Explained]]()
     if min(trials[name].train_rms for name in last) > FAR_OFF * HOPELESS:
         last = last[:1]
@@ -115,9 +116,10 @@ def settled_finalists(
         trial, nearest = trials[name], min((other.train_rms for other in done.values()), default=np.inf)
         rivals = {rival: other for rival, other in done.items() if described(other)}
         behind = nearest <= ENDED and trial.train_rms >= BEHIND * nearest
+        behind = behind or (trial.train_rms > DESCRIBED and outdone(name, trial, rivals))
         if trial.model.ended:
             done[name] = trial
-        elif not (behind or (trial.train_rms > DESCRIBED and outdone(name, trial, rivals))):
+        elif not behind or any(name in DRIVEN[other].contains for other in done):
             part = gone(present.train_rms, trial.train_rms, PART)
             found, ridges = with_own_errors(trial.model.fitted), HOWEVER_FAR if part else OF_ADDED
             done[name] = judged(scene, present, settled(found, ROUNDS, ridges))

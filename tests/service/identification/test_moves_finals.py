@@ -200,6 +200,17 @@ def test_what_is_far_behind_one_that_is_finished_and_describes_all_is_not_finish
     assert (FRICTION in asked) is is_finished
 
 
+def test_what_one_that_describes_all_contains_is_settled_however_far_behind(monkeypatch: Any) -> None:
+    """A constant force left 1.5 and 1.9 until the motor's motion was reconstructed from it, too, while a force that
+    depends on the position left 0.99 and 1.2, and was named."""
+    trials = {FORCE: a_trial(FORCE, 1.4, 1.5), "constant_force": a_trial("constant_force", 1.5, 1.9)}
+    as_they_are(monkeypatch, {**trials, FORCE: a_trial(FORCE, 0.96, 1.1)})
+    asked: list[str] = []
+    monkeypatch.setattr(moves_finals, "settled", lambda fitted, *_: asked.append(fitted.model.name) or fitted)
+    moves_finals.settled_finalists(SCENE, PRESENT, cast(Any, trials), [FORCE, "constant_force"])
+    assert asked == [FORCE, "constant_force"]
+
+
 def test_what_is_ended_is_not_settled_once_more(monkeypatch: Any) -> None:
     """A ripple that was ended first, for 60 s, was settled with what hangs beside it, and ended again for 62 s."""
     trials = {FORCE: a_trial(FORCE, 1.2, 1.6), FRICTION: a_trial(FRICTION, 1.1, 1.3)}
