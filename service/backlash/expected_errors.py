@@ -34,6 +34,7 @@ SEED, DRAWS, MANY = 1, 24, 4.0
 (chosen): where a load bounces off a flank, which sooner or later does not happen, all samples together do what none
 does alone."""
 TOGETHER = 8
+"""How many sets are simulated at a time: with more, a gantry takes more memory than its search does."""
 WAYS = 6
 """In which a move wanders; chosen: the motor's place and speed when the gap opens and when it closes, and some more."""
 

@@ -36,6 +36,8 @@ MOVING = 0.05
 """Share of a move's greatest speed from which on the motor moves; below, its friction is none of these."""
 OWN = 6
 """What is fitted to every move: force and torque, how late each is, and two parts of friction."""
+FORCE = 4
+"""Where among these the force is; how late it is comes last."""
 LATE = 1e-4
 """Unit of how late they are [s]."""
 EXACT = 1e-3
@@ -140,7 +142,7 @@ def motor_rows(
     for one, load, share, of_force in zip(balances, loads, left, off, strict=True):
         found = one.found(load[1])
         about = np.maximum(one.by_noise(found, noise, transmission), one.least) / share
-        doubted = np.abs(found[4]) * np.sqrt(np.sum((one.heard.mean @ of_force.T) ** 2, axis=1))
+        doubted = np.abs(found[FORCE]) * np.sqrt(np.sum((one.heard.mean @ of_force.T) ** 2, axis=1))
         out.append(one.rows(np.where(one.moving, 1.0 / np.hypot(about, doubted), 0.0)))
     return out
 

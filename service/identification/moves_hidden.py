@@ -59,7 +59,8 @@ LED = 2
 """How many of the valleys of a few moves are followed further on all moves (chosen)."""
 BY_NUMBERS_ONLY = 1.8
 """What the motors' equations of motion may leave, over the noise, once the present model is fitted to them, too: it was
-numbers by which they contradicted it (chosen: those with two gaps leave 2.1 and more, many others 1.4 to 1.7)."""
+numbers by which they contradicted it (chosen: those with two gaps left 2.1 and more, many others 1.4 to 1.7, before
+it was counted what a right model's force may be off by)."""
 OF_FEW = 0.4
 """Share of what a few moves and their motors show from which on what takes it is fitted to all (chosen: two gaps
 take about half of it or more where they are found at all, and up to two fifths on machines that have but one)."""

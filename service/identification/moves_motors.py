@@ -17,7 +17,7 @@ from service.recording import FloatArray
 CONTRADICTED = 1.5
 """What a motor's equation of motion may leave, over the noise, with the force that a model makes: where it is more,
 something may be hidden between motor and load (chosen: clean machines leave 1.0 to 1.3, those with impurities up to 7,
-and those with two gaps 1.8 and more)."""
+and those with two gaps 1.8 and more, before it was counted what a right model's force may be off by)."""
 PLAINLY = 2.5
 """How many times more the motors' equations leave than the samples where they speak plainly: then what is hidden is
 asked for first, and what was found and is not spoken of otherwise is not what acts (chosen)."""

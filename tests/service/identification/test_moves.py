@@ -54,7 +54,7 @@ def test_what_the_noise_of_the_speed_does_to_force_and_acceleration_is_expected(
     captures: tuple[Recording, Recording], found: Fitted, noise: float
 ) -> None:
     """A load that is about to come off a flank does so in one recording and not in the other: there all samples
-    together do what none of them does alone (213 times as much beside the larger noise, before this was expected)."""
+    together do what none of them does alone (7 times as much beside the larger noise, before this was expected)."""
     train, rng = captures[0], np.random.default_rng(5)
     speed, shared, own = train.traces["X1", "motor_speed"], found.at.shared, found.at.local[0]
 
