@@ -18,6 +18,11 @@ from service.dynamics.driven_parameters import Parameter, Structure, Values
 from service.dynamics.driven_propagation import LinearSystem
 from service.recording import FloatArray
 
+HELD_WIDER = 2.0
+"""How much wider than other numbers those are varied, in logarithms, that hold what lies loose (chosen: the friction of
+a pinion's bearings differs more from machine to machine than a mass, and no fit finds it; of three searches on a machine
+with two gaps none found its valley with 1, and all with 2 and with 3)."""
+
 
 @dataclass(frozen=True)
 class Case:
@@ -68,6 +73,8 @@ class DrivenEffect:
     gaps : how many gaps it adds; motions : how many input motions; curves : how many forces given as curves
     bends_friction : it adds to a guide's tabulated friction
     many_valleys : its fits end in many places: no score ranks its shapes, and fits begin where its numbers are `varied`
+    held : numbers of `own` that hold a body which lies loose: by steps they decide where it is met, and no slope leads
+        from one such valley to another
     exact : its law has no form that may be another in the machine: it leaves nothing where it is what acts
     contains : effects that it becomes when some of its amounts are zero
     own_errors : the noise of the drives' speeds does something else with it, so that what its fits are expected to miss
@@ -89,6 +96,7 @@ class DrivenEffect:
     shapes: ClassVar[tuple[Mapping[str, float], ...]] = ({},)
     bends_friction: ClassVar[bool] = False
     many_valleys: ClassVar[bool] = False
+    held: ClassVar[tuple[str, ...]] = ()
     exact: ClassVar[bool] = False
     own_errors: ClassVar[bool] = False
     contains: ClassVar[tuple[str, ...]] = ()

@@ -16,7 +16,7 @@ from service.backlash.moves_refined import reconstructed
 from service.identification.moves_carried import AGAINST
 from service.identification.moves_end import RIDGE
 from service.identification.moves_lying import lying_as_left, pinions_lie
-from service.identification.moves_ridges import NEARER, hardly_damped
+from service.identification.moves_ridges import FAR_NEARER, NEARER, hardly_damped
 from service.identification.moves_starts import (
     BRIEF,
     ROUNDS,
@@ -25,7 +25,7 @@ from service.identification.moves_starts import (
     own_of_few,
     softer_contact,
 )
-from service.identification.moves_valleys import QUICK, asked
+from service.identification.moves_valleys import QUICK, asked, by_rests
 from service.identification.selection import UNKNOWN_NUMBERS
 
 TURNS = 2
@@ -35,6 +35,8 @@ STEPS, PATIENCE = 8, 3
 the first steps lead uphill, out of what fitted with pinions that lay elsewhere)."""
 SHARES, NEAR_BY = np.linspace(0.05, 0.95, 19), np.array([0.02, 0.04, 0.08])
 """Shares of all play with which the backlash is begun, and how far from the one that is reached afterwards (chosen)."""
+HELD = (0.125, 0.25, 0.5, 0.7, 1.4, 2.0, 4.0)
+"""Over those of a fit, what holds a pinion with which it is begun (chosen)."""
 DIVIDED, COMPARED, FOLLOWED = 6, 8, (3, 1)
 """How often at most a fit is begun with its play otherwise divided; how many of each kind of beginnings are compared;
 and how many are fitted to all moves, of those from afar and of those from near by (chosen)."""
@@ -63,22 +65,21 @@ def led_through_rests(found: Fitted) -> Fitted:
 
 
 def otherwise_divided(found: Fitted) -> Fitted:
-    """The fit, or the nearest that begins with its play otherwise divided between the two gaps, or on a chain that is
-    hardly damped, by samples and motors together, then from near by, as long as that is nearer and more than noise is
-    left: a few moves choose where all are fitted, and choose none that comes no nearer to them and leaves more than
-    unknown numbers do. All play from end to end is tried however near the fit is: what the noise is put at may be too
-    much."""
+    """The fit, or the nearest that begins with its pinions otherwise held, its play otherwise divided between the two
+    gaps, or on a chain that is hardly damped, by samples and motors together, then from near by, as long as that is
+    nearer and more than noise is left: a few moves choose where all are fitted, and choose none that comes no nearer
+    to them and leaves more than unknown numbers do. All ways are tried at least once however near the fit is: what the
+    noise is put at may be too much."""
     for turn in range(DIVIDED):
         if turn and found.rms_with_motors < 1.0:
             break
         few, own = asked(found), (own_of_few(found),)
-        ways = [divisions(found, near_by=turn > 0)]
-        if not turn:
-            ways.append(hardly_damped(found.model, values_at(found)))
-        best = nearest_of(
-            [one for way in ways for one in promising_of_few(few, found, way)], FOLLOWED[turn > 0]
-        )
         present = fit(few, found.model, Point(found.at.shared, own), BRIEF).rms_with_motors
+        best = list[Fitted]()
+        for way in ways(found, near_by=turn > 0):
+            best = nearest_of([*best, *promising_of_few(few, found, way)], FOLLOWED[turn > 0])
+            if best[0].rms_with_motors < FAR_NEARER * present:
+                break
         if present > UNKNOWN_NUMBERS and best[0].rms_with_motors > NEARER * present:
             break
         starts = (fitted_from(found, values_at(one), 0) for one in best)
@@ -92,16 +93,34 @@ def otherwise_divided(found: Fitted) -> Fitted:
     return found
 
 
+def ways(found: Fitted, near_by: bool) -> Iterator[Iterator[Values]]:
+    """The values of a fit from which it is begun elsewhere, that which comes nearer most often first."""
+    yield held_otherwise(found)
+    yield divisions(found, near_by)
+    if not near_by:
+        yield hardly_damped(found.model, values_at(found))
+
+
 def promising_of_few(few: Sequence[Moves], found: Fitted, ways: Iterable[Values]) -> list[Fitted]:
     """Fits of a few moves from these values, of those that come nearest after a few rounds."""
     begun = (begun_at(few, found.model, values, (own_of_few(found),)) for values in ways)
     quick = nearest_of((fit(few, found.model, at, QUICK) for at in begun), COMPARED)
-    return [fit(few, found.model, one.at, BRIEF - QUICK) for one in quick]
+    return [by_rests(few, fit(few, found.model, one.at, BRIEF - QUICK)) for one in quick]
 
 
 def nearest_of(fits: Iterable[Fitted], count: int) -> list[Fitted]:
     """The fits that are nearest to their moves and motors."""
     return sorted(fits, key=lambda f: f.rms_with_motors)[:count]
+
+
+def held_otherwise(found: Fitted) -> Iterator[Values]:
+    """The values of a fit with what holds its pinions between their gaps larger or smaller, with its damping and
+    without."""
+    present, held = values_at(found), found.model.effects[-1].held
+    undamped = {name: v for name, v in present.items() if not name.endswith("damping_ratio")}
+    for values in (present, undamped):
+        for by in HELD:
+            yield {name: by * v if name.endswith(held) else v for name, v in values.items()}
 
 
 def divisions(found: Fitted, near_by: bool) -> Iterator[Values]:

@@ -20,6 +20,7 @@ from service.backlash.moves_fit import Fitted, fit, values_at
 from service.backlash.moves_point import Point
 from service.backlash.moves_predicted import REST_SPREAD, misfits
 from service.backlash.moves_refined import at_rest
+from service.dynamics.driven_effect import HELD_WIDER
 from service.dynamics.driven_model import Model
 from service.identification.moves_lying import (
     axis_of,
@@ -136,11 +137,15 @@ def begun_near(scene: Scene, found: Fitted, candidate: Candidate, seed: int = SE
 def typical_machines(found: Fitted, candidate: Candidate, rng: np.random.Generator) -> Iterator[Values]:
     """The effect on typical machines with the friction and all play of a fit, their other numbers drawn at random, and
     the play divided from hardly any to nearly all."""
-    kept = {k: v for k, v in values_at(found).items() if k.endswith(("backlash", *GUIDE))}
+    kept, held = (
+        {k: v for k, v in values_at(found).items() if k.endswith(("backlash", *GUIDE))},
+        candidate.effect.held,
+    )
     drawn = [p for p in candidate.model.parameters if p.logarithmic and p.name not in kept]
+    wide = {p.name: HELD_WIDER * WIDE if p.name.endswith(held) else WIDE for p in drawn}
     most = np.log(1.0 / LEAST - 1.0)
     for k in range(DRAWN):
-        machine = {p.name: p.typical * float(np.exp(WIDE * rng.standard_normal())) for p in drawn}
+        machine = {p.name: p.typical * float(np.exp(wide[p.name] * rng.standard_normal())) for p in drawn}
         share = 1.0 / (1.0 + np.exp(most * (1.0 - 2.0 * (k + rng.random()) / DRAWN)))
         yield dict(candidate.effect.divided({**machine, **kept}, share))
 

@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from service.dynamics.driven_effect import Case, DrivenEffect, Room
+from service.dynamics.driven_effect import HELD_WIDER, Case, DrivenEffect, Room
 from service.dynamics.driven_friction import add_corner
 from service.dynamics.driven_model import join, spring_damper
 from service.dynamics.driven_motion import along, grid_points
@@ -71,13 +71,13 @@ class DrivenClearance(DrivenEffect):
     )
     many_valleys: ClassVar[bool] = True
     exact: ClassVar[bool] = True
+    held: ClassVar[tuple[str, ...]] = ("pinion_friction", "pinion_viscous")
     met: ClassVar[tuple[str, ...]] = (
         "pinion_mass",
         "pinion_stiffness",
         "drive_mass",
         "drive_stiffness",
-        "pinion_friction",
-        "pinion_viscous",
+        *held,
     )
     """What decides, beside the gaps, where in them the pinion is met."""
 
@@ -116,9 +116,10 @@ class DrivenClearance(DrivenEffect):
                 np.clip(clearance, LEAST_SHARE * both, (1.0 - LEAST_SHARE) * both)
             )
             out[f"{axis}.backlash"] = both - out[f"{axis}.clearance"]
-            for name in (f"{axis}.{name}" for name in self.met):
-                if name in out:
-                    out[name] *= float(np.exp(wide * rng.standard_normal()))
+            for name in self.met:
+                if f"{axis}.{name}" in out:
+                    by = HELD_WIDER * wide if name in self.held else wide
+                    out[f"{axis}.{name}"] *= float(np.exp(by * rng.standard_normal()))
         return out
 
     @property
