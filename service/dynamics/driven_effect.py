@@ -20,8 +20,8 @@ from service.recording import FloatArray
 
 HELD_WIDER = 2.0
 """How much wider than other numbers those are varied, in logarithms, that hold what lies loose (chosen: the friction of
-a pinion's bearings differs more from machine to machine than a mass, and no fit finds it; of three searches on a machine
-with two gaps none found its valley with 1, and all with 2 and with 3)."""
+a pinion's bearings differs more from machine to machine than a mass, and no fit finds it; of three searches on one with
+two gaps none found its valley with 1, and all with 2 and with 3)."""
 
 
 @dataclass(frozen=True)

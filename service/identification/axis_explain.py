@@ -149,7 +149,27 @@ def missing_in(
         return contradicted(scene, before, plainly, tell, near)
     if shown(before) <= SEARCHED and before.validation_rms > DESCRIBED and not by_motors:
         return searched(scene, before, tell, WITNESSED, first=HIDDEN)
-    return searched(scene, before, tell, LIMITS, but=HIDDEN if 0.0 < by_motors <= CONTRADICTED else ())
+    content = 0.0 < by_motors <= CONTRADICTED
+    found = searched(scene, before, tell, LIMITS, but=HIDDEN if content else ())
+    return beyond_motors(scene, before, found, tell, near) if content else found
+
+
+def beyond_motors(
+    scene: Scene,
+    before: Trial[Explained],
+    found: Selection[Explained],
+    tell: Callable[[str], None],
+    near: Near,
+) -> Selection[Explained]:
+    """What was found; or where that is unknown what may be hidden between motor and load, though the motors do not
+    contradict the model: one much heavier than what it meets feels little of it."""
+    unknown = finding_of(found)[0] == "unknown" and before.train_rms < TOO_MUCH
+    if not (unknown and leads(scene, before, HIDDEN, near)):
+        return found
+    told = hidden(scene, before, HIDDEN, len(DRIVEN), tell, near)
+    if told.effects and describes_motors(before, told.after):
+        return replace(told, candidates=found.candidates + told.candidates)
+    return replace(found, candidates=found.candidates + told.candidates)
 
 
 def suffices(before: Trial[Explained], left_with: float) -> bool:
