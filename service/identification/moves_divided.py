@@ -75,11 +75,7 @@ def otherwise_divided(found: Fitted) -> Fitted:
             break
         few, own = asked(found), (own_of_few(found),)
         present = fit(few, found.model, Point(found.at.shared, own), BRIEF).rms_with_motors
-        best = list[Fitted]()
-        for way in ways(found, near_by=turn > 0):
-            best = nearest_of([*best, *promising_of_few(few, found, way)], FOLLOWED[turn > 0])
-            if best[0].rms_with_motors < FAR_NEARER * present:
-                break
+        best = nearest_of(begun_elsewhere(few, found, present, near_by=turn > 0), FOLLOWED[turn > 0])
         if present > UNKNOWN_NUMBERS and best[0].rms_with_motors > NEARER * present:
             break
         starts = (fitted_from(found, values_at(one), 0) for one in best)
@@ -93,12 +89,15 @@ def otherwise_divided(found: Fitted) -> Fitted:
     return found
 
 
-def ways(found: Fitted, near_by: bool) -> Iterator[Iterator[Values]]:
-    """The values of a fit from which it is begun elsewhere, that which comes nearer most often first."""
-    yield held_otherwise(found)
-    yield divisions(found, near_by)
-    if not near_by:
-        yield hardly_damped(found.model, values_at(found))
+def begun_elsewhere(few: Sequence[Moves], found: Fitted, present: float, near_by: bool) -> list[Fitted]:
+    """Fits of a few moves, of which a fit leaves so much at `present`, from its numbers with its pinions otherwise
+    held; where none of these comes plainly nearer, with its play otherwise divided, and on other chains, too."""
+    held = promising_of_few(few, found, held_otherwise(found))
+    if any(one.rms_with_motors < FAR_NEARER * present for one in held):
+        return held
+    divided = promising_of_few(few, found, divisions(found, near_by))
+    chains = () if near_by else hardly_damped(found.model, values_at(found))
+    return [*held, *divided, *promising_of_few(few, found, chains)]
 
 
 def promising_of_few(few: Sequence[Moves], found: Fitted, ways: Iterable[Values]) -> list[Fitted]:

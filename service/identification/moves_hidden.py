@@ -65,7 +65,7 @@ numbers by which they contradicted it (chosen: those with two gaps left 2.1 and 
 it was counted what a right model's force may be off by)."""
 SPOKEN = 3.0
 """What they leave then from which on something is hidden there though no fit found it (chosen: 28 machines that lack
-nothing, or only what every sound one has a little of, left 2.2 and less, two gaps 2.5 to 7.3 if their motors felt them).
+nothing, or only what every sound one has a little of, left 2.2 and less, two gaps 2.5 to 7.3 if motors felt them).
 """
 OF_FEW = 0.4
 """Share of what a few moves and their motors show from which on what takes it is fitted to all (chosen: two gaps
@@ -259,16 +259,18 @@ def judged_by_motors(
     of_all: int,
 ) -> Candidate:
     """The judgement on an effect by the trials of the model without it and with it, and as the motors hear them: over
-    what is left of these with it, where that is less than the noise of their equations was put at."""
+    what is left of these with it, where that is less than the noise of their equations was put at. Where the motors
+    contradict the model without it in no moves, the samples speak of it if nearly all is gone that they show."""
     (before, after), (of_before, of_after) = trials, heard
     contradicted = of_before.validation_rms > CONTRADICTED * min(1.0, of_after.validation_rms)
-    tested = (of_before, of_after) if contradicted else trials
-    p_value = min(1.0, of_all * gain_p_value(*tested))
-    if not gain.is_of(PART):
+    content = gain.of_motors[0] <= CONTRADICTED and not contradicted
+    p_value = min(1.0, of_all * gain_p_value(*(trials if content else heard)))
+    spoken = content or (contradicted and gone(*gain.of_motors, PART))
+    if not (spoken and gain.is_of(PART)):
         why = "leaves the motors' equations of motion as they are"
-    elif not contradicted and not gone_from_all(before, after, EXPLAINED):
-        why = "what the motors do not speak of, and the samples leave more than a little of"
-    elif contradicted and not (explained(of_before, of_after, PART) or told_by_samples(gain, before, after)):
+    elif content and not gone_from_all(before, after, EXPLAINED):
+        why = "what the motors do not speak of, and it leaves a part of what the samples show"
+    elif not (content or explained(of_before, of_after, PART) or told_by_samples(gain, before, after)):
         why = "takes from the motors' equations of motion in the moves that were fitted only"
     elif after.train_rms > LEFT:
         why = "what the motors speak of, but it leaves too much of the moves that were fitted"
@@ -281,7 +283,7 @@ def judged_by_motors(
     elif nothing := (*after.at_limits, *closed(after.model.fitted)):
         why = f"only with {', '.join(nothing)} where no such effect is"
     else:
-        why = f"what the {'motors' if contradicted else 'samples'} speak of, in the held-out moves, too"
+        why = f"what the {'samples' if content else 'motors'} speak of, in the held-out moves, too"
         return Candidate(name, after.held_rms, p_value, True, why)
     return Candidate(name, after.held_rms, p_value, False, why)
 

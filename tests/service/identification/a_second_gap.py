@@ -19,6 +19,9 @@ def two_gaps(backlash: float, clearance: float, rms: float = 2.0, contact: float
         "X1.pinion_stiffness": 2e6,
         "X1.contact_stiffness": contact,
         "X1.contact_damping_ratio": 3.1,
+        "X1.gear_damping_ratio": 0.03,
+        "X1.pinion_friction": 0.02,
+        "X1.pinion_viscous": 0.04,
     }
     model = SimpleNamespace(axes=("X1",), lumps=2, effects=(DRIVEN["gearbox_clearance"](("X1",)),))
     at = SimpleNamespace(shared=np.zeros(len(values)))

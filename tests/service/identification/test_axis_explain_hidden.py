@@ -262,6 +262,7 @@ def test_what_only_leads_to_a_machine_on_which_the_model_comes_nearer_is_not_hid
     monkeypatch.setattr(axis_explain, "left_by_motors", lambda of: np.array([left[id(of)]]))
     monkeypatch.setattr(axis_explain, "nothing_left", lambda _fitted: False)
     monkeypatch.setattr(axis_explain, "hidden", lambda *_: hides)
+    monkeypatch.setattr(axis_explain, "finding_of", lambda one: ("effect", one.effects))
     asked: list[Any] = []
 
     def searched(_scene: Any, present: Any, *_: Any, **__: Any) -> Selection[Any]:
@@ -303,3 +304,44 @@ def test_what_swings_is_taken_where_nothing_else_is_found_with_which_the_motors_
     last = [] if taken else ["gearbox_clearance"]
     assert [c.effect for c in found.candidates] == ["sensor_gain", "hung_mass_mode", *last], "each once"
     assert found.candidates[1].p_value == (0.0 if taken else 1.0)
+
+
+@pytest.mark.parametrize(
+    ("finding", "fitted", "leads", "held_out", "asked", "taken"),
+    [
+        ("unknown", 2.2, True, 1.1, True, True),
+        ("unknown", 2.2, True, 2.0, True, False),
+        ("unknown", 2.2, False, 1.1, False, False),
+        ("unknown", 8.1, True, 1.1, False, False),
+        ("none", 2.2, True, 1.1, False, False),
+    ],
+    ids=["described", "not described", "leads nowhere", "more than it does", "nothing is missing"],
+)
+def test_what_content_motors_do_not_feel_is_asked_for_where_nothing_else_explains_the_samples(
+    monkeypatch: pytest.MonkeyPatch,
+    finding: str,
+    fitted: float,
+    leads: bool,
+    held_out: float,
+    asked: bool,
+    taken: bool,
+) -> None:
+    before, after = trial(fitted, 2.4), trial(1.0, held_out)
+    refused, judged = (
+        Candidate("sensor_gain", 0.1, 1.0, False, "no"),
+        Candidate("gearbox_clearance", 0.03, 0.0, True, ""),
+    )
+    hides = Selection(before, after, ("gearbox_clearance",), (judged,), ())
+    heard(monkeypatch)
+    monkeypatch.setattr(axis_explain, "left_by_motors", lambda _of: np.array([1.0]))
+    monkeypatch.setattr(axis_explain, "finding_of", lambda _one: (finding, ()))
+    monkeypatch.setattr(axis_explain, "leads", lambda *_: leads)
+    searched_for: list[Any] = []
+    monkeypatch.setattr(axis_explain, "hidden", lambda *of: searched_for.append(of) or hides)
+    found = Selection(before, before, (), (refused,), ())
+    monkeypatch.setattr(axis_explain, "searched", lambda *_, **__: found)
+    scene: Any = SimpleNamespace(zero_wanders=False, smooth_left=np.inf)
+    out = missing_in(scene, before, (), lambda _text: None)
+    assert bool(searched_for) is asked
+    assert out.effects == (("gearbox_clearance",) if taken else ())
+    assert [c.effect for c in out.candidates] == ["sensor_gain", "gearbox_clearance"][: 1 + asked]

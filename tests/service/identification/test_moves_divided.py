@@ -9,7 +9,12 @@ import pytest
 
 from service.backlash.moves_point import Point
 from service.identification import moves_divided
-from service.identification.moves_divided import divisions, led_through_rests, otherwise_divided
+from service.identification.moves_divided import (
+    divisions,
+    held_otherwise,
+    led_through_rests,
+    otherwise_divided,
+)
 from service.identification.moves_ridges import SPRINGS, hardly_damped
 from tests.service.identification.a_second_gap import two_gaps
 
@@ -111,6 +116,42 @@ def test_play_is_divided_otherwise_as_long_as_that_is_nearer(
     assert led == [1.5, 1.6, *[1.5] * (turns - 1)], "what is far behind the nearest goes nowhere"
 
 
+@pytest.mark.parametrize(("begun", "others"), [(1.7, False), (1.9, True)])
+def test_play_is_divided_otherwise_where_no_pinion_that_is_held_otherwise_comes_plainly_nearer(
+    monkeypatch: pytest.MonkeyPatch, begun: float, others: bool
+) -> None:
+    asked_for: list[float] = []
+    with_few_moves(monkeypatch, 2.0)
+    monkeypatch.setattr(moves_divided, "held_otherwise", lambda _found: [begun])
+    monkeypatch.setattr(moves_divided, "divisions", lambda _found, _near_by: asked_for.append(1.95) or [1.95])
+    monkeypatch.setattr(moves_divided, "fitted_from", lambda _found, values, _rounds: values)
+    monkeypatch.setattr(moves_divided, "jointly", lambda at: two_gaps(0.0, 0.0, 0.9 if at == begun else 1.8))
+    monkeypatch.setattr(moves_divided, "led_through_rests", lambda found: found)
+    assert otherwise_divided(two_gaps(0.0, 0.0, 2.0)).rms_with_motors == 0.9
+    assert bool(asked_for) is others
+
+
+def test_a_pinion_is_held_more_and_less_on_a_chain_that_is_damped_and_on_one_that_is_not(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(moves_divided, "values_at", lambda found: found.values)
+    found = two_gaps(80e-6, 20e-6)
+    begun = list(held_otherwise(found))
+    friction = [one["X1.pinion_friction"] / found.values["X1.pinion_friction"] for one in begun]
+    assert friction == pytest.approx(
+        [one["X1.pinion_viscous"] / found.values["X1.pinion_viscous"] for one in begun]
+    )
+    assert (min(friction), max(friction)) == pytest.approx((0.125, 4.0))
+    assert 1.0 not in friction
+    others = {
+        n: v for n, v in found.values.items() if n.endswith(("mass", "stiffness", "backlash", "clearance"))
+    }
+    for one in begun:
+        assert {n: one[n] for n in others} == others
+    dampings = ["X1.gear_damping_ratio" in one for one in begun]
+    assert sum(dampings) == len(begun) // 2
+
+
 def with_few_moves(monkeypatch: pytest.MonkeyPatch, present: float) -> None:
     """Fits of a few moves leave what they are begun with, the present one as much of them."""
 
@@ -120,6 +161,8 @@ def with_few_moves(monkeypatch: pytest.MonkeyPatch, present: float) -> None:
         return found
 
     monkeypatch.setattr(moves_divided, "hardly_damped", lambda _model, _values: [])
+    monkeypatch.setattr(moves_divided, "held_otherwise", lambda _found: [])
+    monkeypatch.setattr(moves_divided, "by_rests", lambda _few, found: found)
     monkeypatch.setattr(moves_divided, "asked", lambda _found: ())
     monkeypatch.setattr(moves_divided, "own_of_few", lambda _found: ())
     monkeypatch.setattr(moves_divided, "begun_at", lambda _few, _model, values, _own: values)
