@@ -38,7 +38,15 @@ def few_of(moves: Moves, count: int) -> slice:
 
 def some_of(moves: Moves, count: int) -> Moves:
     """The first few moves after the first one, in which the pinion may rest anywhere."""
-    kept = few_of(moves, count)
+    return _kept(moves, few_of(moves, count))
+
+
+def first_of(moves: Moves) -> Moves:
+    """The first move alone."""
+    return _kept(moves, slice(0, 1))
+
+
+def _kept(moves: Moves, kept: slice) -> Moves:
     return replace(
         moves,
         grids=moves.grids[kept],

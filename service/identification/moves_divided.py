@@ -15,7 +15,7 @@ from service.backlash.moves_point import Point
 from service.backlash.moves_refined import reconstructed
 from service.identification.moves_carried import AGAINST
 from service.identification.moves_end import RIDGE
-from service.identification.moves_lying import lying_as_left, pinions_lie
+from service.identification.moves_lying import first_elsewhere, lying_as_left, pinions_lie
 from service.identification.moves_ridges import FAR_NEARER, NEARER, hardly_damped
 from service.identification.moves_starts import (
     BRIEF,
@@ -43,9 +43,13 @@ and how many are fitted to all moves, of those from afar and of those from near 
 
 
 def jointly(found: Fitted) -> Fitted:
-    """The fit continued to the samples and to its motors' equations of motion, in turns with the motors' motion."""
-    for _ in range(TURNS):
-        found = fit(reconstructed(found, asked=True), found.model, found.at, ROUNDS)
+    """The fit continued to the samples and to its motors' equations of motion, in turns with the motors' motion, the
+    first move of a recording begun with its pinion where these describe it best."""
+    lie = pinions_lie(found.model)
+    for turn in range(TURNS):
+        moves = reconstructed(found, asked=True)
+        at = first_elsewhere(moves, found.model, found.at) if lie and not turn else found.at
+        found = fit(moves, found.model, at, ROUNDS)
     return found
 
 

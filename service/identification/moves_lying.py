@@ -18,7 +18,7 @@ import numpy as np
 from service.backlash.moves import Moves, Swings
 from service.backlash.moves_fit import Fitted, fit, settle_locally
 from service.backlash.moves_motion import with_motors_asked
-from service.backlash.moves_parts import early_part
+from service.backlash.moves_parts import early_part, first_of
 from service.backlash.moves_point import Point
 from service.backlash.moves_predicted import REST_SPREAD, TOGETHER, misfits, predict
 from service.backlash.moves_refined import at_rest, reconstructed
@@ -177,8 +177,21 @@ def elsewhere(moves: tuple[Moves, ...], model: Model, at: Point) -> Point:
     return Point(at.shared, tuple(local))
 
 
+def first_elsewhere(moves: Sequence[Moves], model: Model, at: Point) -> Point:
+    """The point with the first move of every recording, which none before it left, begun with pinion and load where it
+    is described best. A fit hardly leads it from one place to another, and all shared numbers after it."""
+    local = []
+    for part, own in zip(moves, at.local, strict=True):
+        first = own[:0] if part.grids[0].index else own[:1]
+        if len(first):
+            (first,) = elsewhere((first_of(part),), model, Point(at.shared, (first,))).local
+        local.append(np.concatenate((first, own[len(first) :])))
+    return Point(at.shared, tuple(local))
+
+
 def places(part: Moves, model: Model, at: Point, own: FloatArray) -> Iterator[FloatArray]:
-    """Coordinates (T, L) of one recording's moves with pinions and loads in other places."""
+    """Coordinates (T, L) of one recording's moves with pinions and loads in other places; a pinion of which it is known
+    where the move before left it lies there."""
     values = model.numbers(at.shared)
     rests = [effect.rests(values) for effect in model.effects if effect.rests(values)]
     for between, load in product(PINIONS, LOADS):
@@ -186,6 +199,10 @@ def places(part: Moves, model: Model, at: Point, own: FloatArray) -> Iterator[Fl
         for first, second in rests:
             lying = {name: (1.0 - between) * first[name] + between * second[name] for name in first}
             tried = at_rest(tried, model, lying)
+            if part.swings:
+                for k, p in pinions(model):
+                    there = p.internal(lying[p.name] - part.heard.get(p.name, 0.0))
+                    tried[:, k] = np.where(part.swings.width == 1.0, there, own[:, k])
         if load is not None:
             for x, axis in enumerate(model.axes):
                 place = part.s * load * values[f"{axis}.backlash"] / REST_SPREAD[0]
