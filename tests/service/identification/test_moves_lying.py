@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -22,12 +22,14 @@ from service.identification.moves_lying import (
     as_left_and_told,
     costs_of,
     elsewhere,
+    first_elsewhere,
     left_lying,
     lying_as_left,
     lying_now,
     motors_asked,
     pinions,
     pinions_lie,
+    places,
 )
 from service.identification.moves_valleys import as_anywhere, as_left, places_of_loads
 from service.recording import FloatArray
@@ -186,6 +188,32 @@ def test_elsewhere_begins_no_move_farther_from_what_was_measured(machine: Chatte
     first, then = (costs_of(asked[0], machine.model, one, one.local[0][None])[0] for one in (at, found))
     assert np.all(then <= first)
     assert np.sum(then) < 0.5 * np.sum(first)
+
+
+def test_the_first_pinion_of_a_recording_lies_where_its_move_is_described_best(machine: Chattering) -> None:
+    """Begun at the other end of its gap, among moves that know where those before them left theirs."""
+    ((k, p),) = pinions(machine.model)
+    wrong = machine.at.local[0].copy()
+    half = 0.5 * machine.model.numbers(machine.at.shared)["X1.clearance"]
+    wrong[0, k] = p.internal(-np.sign(machine.pinion[0]) * half)
+    moves, at = lying_as_left([machine.moves], machine.model, Point(machine.at.shared, (wrong,)))
+    asked = motors_asked(moves, machine.model, at)
+    found = first_elsewhere(asked, machine.model, at)
+    assert np.array_equal(found.local[0][1:], at.local[0][1:])
+    lies = lying_now(asked[0], machine.model, found.shared[None], found.local[0][None], k)[0]
+    assert abs(lies[0] - machine.pinion[0]) < 2.0 * CLOSE < half
+    later = replace(asked[0], grids=tuple(replace(g, index=g.index + 3) for g in asked[0].grids))
+    assert np.array_equal(first_elsewhere([later], machine.model, at).local[0], at.local[0])
+
+
+def test_places_leave_a_pinion_where_the_move_before_left_it(machine: Chattering) -> None:
+    ((k, _),) = pinions(machine.model)
+    (moves,), at = lying_as_left([machine.moves], machine.model, machine.at)
+    own, half = at.local[0], 0.5 * machine.model.numbers(at.shared)["X1.clearance"]
+    tried = np.stack(list(places(moves, machine.model, at, own)))
+    assert np.array_equal(tried[:, 1:, k], np.tile(own[1:, k], (len(tried), 1)))
+    lies = np.array([lying_now(moves, machine.model, at.shared[None], one[None], k)[0, 0] for one in tried])
+    assert (lies.min(), lies.max()) == pytest.approx((-half, half))
 
 
 def test_held_out_pinions_lie_where_moves_and_motors_say(machine: Chattering) -> None:
