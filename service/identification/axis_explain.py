@@ -197,14 +197,15 @@ def contradicted(
     its name if the other moves are described with it, too, or if nothing else is found that describes them better, or
     nothing with which the motors agree as they do with it, and is a hint otherwise, as where it describes neither the
     fitted moves nor the motors. Where they speak `plainly`, while the moves that were fitted are nearly described, as
-    one gap describes two, and it comes nearer to a few moves, this is asked for first, and nothing else if all moves
-    and their motors are described with it, or nothing is left of those that were fitted and of their motors; nor what
-    swings, if the motors are described with this or with what else was found. Where what was asked for first only led
+    one gap describes two, or whatever they say where these are described, so that nothing else shows in them, and it
+    comes nearer to a few moves, this is asked for first, and nothing else if all moves and their motors are described
+    with it, or nothing is left of those that were fitted and of their motors; nor what swings, if the motors are
+    described with this or with what else was found. Where what was asked for first only led
     to a machine on which the model before comes nearer, all is asked anew from there. What may be hidden goes on from
     what was begun `near` by."""
     witnessed = as_heard_by_motors(before).validation_rms > 0.0
-    imitated = plainly and witnessed and before.train_rms < SOUND
-    asked_first = imitated and leads(scene, before, HIDDEN, near)
+    imitated = before.train_rms < SOUND if plainly else before.train_rms <= DESCRIBED
+    asked_first = witnessed and imitated and leads(scene, before, HIDDEN, near)
     first = hidden(scene, before, HIDDEN, len(DRIVEN), tell, near) if asked_first else None
     if first and first.effects:
         elsewhere = challenged(scene, before, first.after)

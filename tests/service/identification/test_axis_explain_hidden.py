@@ -143,7 +143,7 @@ def test_what_may_be_hidden_has_its_name_where_the_moves_or_the_motors_are_descr
 def test_what_describes_the_motors_too_hides_nothing(
     monkeypatch: pytest.MonkeyPatch, held_out: float, by_motors: float, names: tuple[str, ...], asked: bool
 ) -> None:
-    before, after, hidden = trial(1.1, 1.4), trial(1.0, held_out), []
+    before, after, hidden = trial(1.2, 1.4), trial(1.0, held_out), []
     left = {id(before): 2.7, id(after): by_motors}
     for one in (before, after):
         one.model.fitted = one
@@ -160,15 +160,16 @@ def test_what_describes_the_motors_too_hides_nothing(
 
 
 @pytest.mark.parametrize(
-    ("motors", "held_out", "after_by_motors", "names", "beside_asked"),
+    ("train", "motors", "held_out", "after_by_motors", "names", "beside_asked"),
     [
-        (5.0, 1.1, 1.4, ("gearbox_clearance",), False),
-        (5.0, 3.1, 0.9, ("gearbox_clearance",), False),
-        (5.0, 1.2, 1.4, ("gearbox_clearance",), True),
-        (5.0, 1.1, 2.1, ("gearbox_clearance",), True),
-        (5.0, 1.1, 1.6, ("gearbox_clearance",), False),
-        (5.0, 1.1, 1.4, (), True),
-        (2.7, 1.1, 1.4, ("gearbox_clearance",), True),
+        (1.2, 5.0, 1.1, 1.4, ("gearbox_clearance",), False),
+        (1.2, 5.0, 3.1, 0.9, ("gearbox_clearance",), False),
+        (1.2, 5.0, 1.2, 1.4, ("gearbox_clearance",), True),
+        (1.2, 5.0, 1.1, 2.1, ("gearbox_clearance",), True),
+        (1.2, 5.0, 1.1, 1.6, ("gearbox_clearance",), False),
+        (1.2, 5.0, 1.1, 1.4, (), True),
+        (1.2, 2.7, 1.1, 1.4, ("gearbox_clearance",), True),
+        (1.1, 2.7, 1.1, 1.4, ("gearbox_clearance",), False),
     ],
     ids=[
         "plain",
@@ -178,17 +179,19 @@ def test_what_describes_the_motors_too_hides_nothing(
         "motors nearly",
         "nothing hidden",
         "not plain",
+        "not plain, and nothing else shows",
     ],
 )
 def test_what_the_motors_speak_of_plainly_is_asked_for_first_and_taken_if_it_describes_all(
     monkeypatch: pytest.MonkeyPatch,
+    train: float,
     motors: float,
     held_out: float,
     after_by_motors: float,
     names: tuple[str, ...],
     beside_asked: bool,
 ) -> None:
-    before, after, asked = trial(1.1, 1.4), trial(1.0, held_out), []
+    before, after, asked = trial(train, 1.4), trial(1.0, held_out), []
     left = {id(before): motors, id(after): after_by_motors}
     for one in (before, after):
         one.model.fitted = one
