@@ -41,19 +41,36 @@ class PureError(NamedTuple):
 
 
 def pure_error(found: Fitted) -> PureError:
-    """How a fit's residuals in its moves differ between those that are alike in all recordings."""
+    """How a fit's residuals in its moves differ between those that are alike in all recordings; where what differs dies
+    away from move to move, as a swing does that some of them leave to the next, between the last two."""
     squares, apart, count, free = 0.0, 0.0, 0, 0
+    laid = list[FloatArray]()
     for moves, own in zip(found.moves, found.at.local, strict=True):
         said = predict(moves, found.model, found.at.shared[None], own[None]).acceleration()[0]
         over = (moves.measured - said) / moves.noise[:, None] / moves.expected
-        for group in repeated(moves):
-            for axis in range(len(moves.axes)):
-                of_group = laid_over(moves, over[:, axis], group, axis)
-                squares += float(np.sum(of_group**2))
-                apart += float(np.sum((of_group - of_group.mean(axis=0)) ** 2))
-                count += of_group.size
-                free += of_group.size - of_group.shape[1]
+        laid += [
+            laid_over(moves, over[:, axis], group, axis)
+            for group in repeated(moves)
+            for axis in range(len(moves.axes))
+        ]
+    for of_group in map(settled_ones, laid) if all(map(settles, laid)) else laid:
+        squares += float(np.sum(of_group**2))
+        apart += float(np.sum((of_group - of_group.mean(axis=0)) ** 2))
+        count += of_group.size
+        free += of_group.size - of_group.shape[1]
     return PureError(np.sqrt(squares / max(count, 1)), np.sqrt(apart / max(free, 1)))
+
+
+def settles(of_group: FloatArray) -> bool:
+    """Whether moves (moves, times) differ less and less from the one before: what swings on through several of them,
+    from when the first of a recording was made, dies away."""
+    steps = np.sqrt(np.mean(np.diff(of_group, axis=0) ** 2, axis=1))
+    return len(steps) > 1 and bool(np.all(steps[1:] < steps[:-1]))
+
+
+def settled_ones(of_group: FloatArray) -> FloatArray:
+    """The last two, between which least of it is left."""
+    return of_group[-2:]
 
 
 def repeated(moves: Moves) -> Iterator[list[int]]:

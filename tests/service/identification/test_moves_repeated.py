@@ -51,6 +51,20 @@ def test_what_differs_between_alike_moves_is_pure_error(found: Fitted) -> None:
     assert alike.beyond_any_effect
 
 
+@pytest.mark.parametrize(("kept", "beyond"), [(0.7, False), (1.0 / 0.7, True)], ids=["dies away", "grows"])
+def test_what_swings_on_through_several_moves_is_no_pure_error(
+    found: Fitted, kept: float, beyond: bool
+) -> None:
+    """A body that rings at 8 Hz, of a hundredth of critical damping, had left half of its swing when a move was made
+    the second time: of a residual that repeats, 17 of 22 differed from move to move, and nothing was searched."""
+    (moves,) = found.moves
+    k, phase = np.arange(len(moves.grids)), 2.0 * np.pi * np.arange(moves.samples) / moves.samples
+    repeats = 10.0 * np.sin(0.5 * phase)
+    left = 30.0 * kept ** (k if kept < 1.0 else k - k[-1])
+    alike = pure_error(leaving(found, repeats + left[:, None] * np.cos(phase)))
+    assert alike.beyond_any_effect == beyond
+
+
 def test_of_noise_alone_the_pure_error_is_what_is_expected(found: Fitted) -> None:
     """A little less: a residual between two samples is their mean."""
     (moves,) = found.moves
