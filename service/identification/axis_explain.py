@@ -200,16 +200,17 @@ def contradicted(
     one gap describes two, or whatever they say where these are described, so that nothing else shows in them, and it
     comes nearer to a few moves, this is asked for first, and nothing else if all moves and their motors are described
     with it, or nothing is left of those that were fitted and of their motors; nor what swings, if the motors are
-    described with this or with what else was found. Where what was asked for first only led
-    to a machine on which the model before comes nearer, all is asked anew from there. What may be hidden goes on from
-    what was begun `near` by."""
+    described with this or with what else was found. Where what was asked for first only led to a machine on which the
+    model before comes nearer, all is asked anew from there, unless the motors contradict that model there, too, and
+    with what was found nothing is left. What may be hidden goes on from what was begun `near` by."""
     witnessed = as_heard_by_motors(before).validation_rms > 0.0
     imitated = before.train_rms < SOUND if plainly else before.train_rms <= DESCRIBED
     asked_first = witnessed and imitated and leads(scene, before, HIDDEN, near)
     first = hidden(scene, before, HIDDEN, len(DRIVEN), tell, near) if asked_first else None
     if first and first.effects:
         elsewhere = challenged(scene, before, first.after)
-        if distance(elsewhere) < SECOND * distance(before):
+        needed = nothing_left(first.after.model.fitted) and not reconciled(before, elsewhere)
+        if not needed and distance(elsewhere) < SECOND * distance(before):
             tell(f"the model before comes nearer on another machine: RMS {elsewhere.train_rms:.3f}")
             return missing_in(scene, elsewhere, (), tell)
         if nothing_left(first.after.model.fitted) or describes_motors(before, first.after):

@@ -249,21 +249,30 @@ def test_what_suffices_is_searched_before_what_may_be_hidden(
     assert done == asked
 
 
-@pytest.mark.parametrize("nearer", [True, False])
+@pytest.mark.parametrize(
+    ("nearer", "nothing_left", "by_motors", "anew"),
+    [
+        (True, False, 1.4, True),
+        (False, False, 1.4, False),
+        (True, True, 1.4, True),
+        (True, True, 12.0, False),
+    ],
+    ids=["nearer", "not nearer", "nothing is needed", "needed there, too"],
+)
 def test_what_only_leads_to_a_machine_on_which_the_model_comes_nearer_is_not_hidden(
-    monkeypatch: pytest.MonkeyPatch, nearer: bool
+    monkeypatch: pytest.MonkeyPatch, nearer: bool, nothing_left: bool, by_motors: float, anew: bool
 ) -> None:
     """Friction had driven the declared model far off; a second gap left 1.25 of the noise, and the same model without
     it, on that machine, 1.31."""
     before, after, again = trial(1.9, 1.6), trial(1.1, 1.1), trial(1.3, 1.4) if nearer else trial(1.8, 1.6)
-    left = {id(before): 13.0, id(after): 1.4, id(again): 1.4}
+    left = {id(before): 13.0, id(after): 1.4, id(again): by_motors}
     for one in (before, after, again):
         one.model.fitted = one
     hides = Selection(before, after, ("gearbox_clearance",), (), ())
     heard(monkeypatch)
     monkeypatch.setattr(axis_explain, "challenged", lambda _scene, _present, _best: again)
     monkeypatch.setattr(axis_explain, "left_by_motors", lambda of: np.array([left[id(of)]]))
-    monkeypatch.setattr(axis_explain, "nothing_left", lambda _fitted: False)
+    monkeypatch.setattr(axis_explain, "nothing_left", lambda _fitted: nothing_left)
     monkeypatch.setattr(axis_explain, "hidden", lambda *_: hides)
     monkeypatch.setattr(axis_explain, "finding_of", lambda one: ("effect", one.effects))
     asked: list[Any] = []
@@ -276,8 +285,8 @@ def test_what_only_leads_to_a_machine_on_which_the_model_comes_nearer_is_not_hid
     found = missing_in(
         cast(Any, SimpleNamespace(zero_wanders=False, smooth_left=np.inf)), before, (), lambda _text: None
     )
-    assert found.effects == (("curved_friction",) if nearer else ("gearbox_clearance",))
-    assert asked == ([again] if nearer else [])
+    assert found.effects == (("curved_friction",) if anew else ("gearbox_clearance",))
+    assert asked == ([again] if anew else [])
 
 
 @pytest.mark.parametrize(
