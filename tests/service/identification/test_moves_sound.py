@@ -181,6 +181,7 @@ def test_where_little_is_missing_what_every_sound_machine_has_may_be_all(
     monkeypatch.setattr(axis_explain, "leads", lambda *_: nearer)
     monkeypatch.setattr(axis_explain, "searched", searched)
     monkeypatch.setattr(axis_explain, "contradicted", searched)
+    monkeypatch.setattr(axis_explain, "beyond_motors", lambda _scene, _before, found, *_: found)
     monkeypatch.setattr(axis_explain, "finding_of", lambda _found: (finding, ()))
     monkeypatch.setattr(axis_explain, "left_by_motors", lambda of: np.array([0.5, 1.0]) * left[id(of)])
     scene: Any = SimpleNamespace(zero_wanders=False, smooth_left=np.inf)
