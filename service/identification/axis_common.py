@@ -62,12 +62,12 @@ SURELY = 2.0
 
 def of_every_machine(selection: Selection[Explained]) -> bool:
     """Whether what was found is what every sound machine has, and leaves next to nothing, also in the moves that were
-    not fitted, or explains a part of what is missing there; if it explains nearly all by itself, no more than its law
-    leaves that differs from the machine's."""
+    not fitted, or explains a part of what is missing there and leaves no more than where the machine is what it was; if
+    it explains nearly all by itself, no more than its law leaves that differs from the machine's."""
     before, after = selection.before, selection.after
     by_law = left(after) <= LEFT_BY_ONE and most_left(after) <= CHANGED
     everything = before.validation_rms > CHANGED and shown(after) <= LEFT_BY_CLEAN
-    foretold = shown(after) <= LEFT or explained(before, after, PART)
+    foretold = shown(after) <= LEFT or (explained(before, after, PART) and most_left(after) <= CHANGED)
     whole = (by_itself(selection) and by_law) or (left(after) <= LEFT and foretold)
     return whole and common(selection, everything)
 
