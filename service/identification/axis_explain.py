@@ -115,10 +115,10 @@ def missing_in(
     asked for first; nothing else is where most of it differs between moves that are alike, which no effect explains.
     Where little is, what every sound machine has may be all, unless the motors contradict it and what may be hidden
     comes nearer to a few moves; where all smooth effects suffice, or a bent contact, these are searched before what may
-    be hidden. The motors are asked where their equations of motion do not hold; where they hold, nothing is hidden
-    between motor and load. Where no torque was recorded and only numbers may do it that are not known, nothing is asked
-    for but what may be hidden. What accepted effects leave is the next one's only where it is more than a law leaves
-    that differs a little from the machine's, as after a first effect."""
+    be hidden. The motors are asked where their equations of motion do not hold; where they hold, what may be hidden
+    between motor and load is asked for last, if all else ends unknown. Where no torque was recorded and only numbers
+    may do it that are not known, nothing is asked for but what may be hidden. What accepted effects leave is the next
+    one's only where it is more than a law leaves that differs a little from the machine's, as after a first effect."""
     if scene.zero_wanders and DrivenBias.name not in accepted:
         tell("the accelerometer's zero wanders while the axis rests")
         found = searched(scene, before, tell, WITNESSED, first=(DrivenBias,))
