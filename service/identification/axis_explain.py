@@ -167,9 +167,8 @@ def beyond_motors(
     if not (unknown and leads(scene, before, HIDDEN, near)):
         return found
     told = hidden(scene, before, HIDDEN, len(DRIVEN), tell, near)
-    if told.effects and describes_motors(before, told.after):
-        return replace(told, candidates=found.candidates + told.candidates)
-    return replace(found, candidates=found.candidates + told.candidates)
+    taken = told if told.effects and describes_motors(before, told.after) else found
+    return replace(taken, candidates=found.candidates + told.candidates)
 
 
 def suffices(before: Trial[Explained], left_with: float) -> bool:

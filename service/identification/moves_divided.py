@@ -72,8 +72,8 @@ def otherwise_divided(found: Fitted) -> Fitted:
     """The fit, or the nearest that begins with its pinions otherwise held, its play otherwise divided between the two
     gaps, or on a chain that is hardly damped, by samples and motors together, then from near by, as long as that is
     nearer and more than noise is left: a few moves choose where all are fitted, and choose none that comes no nearer
-    to them and leaves more than unknown numbers do. All ways are tried at least once however near the fit is: what the
-    noise is put at may be too much."""
+    to them and leaves more than unknown numbers do. It is begun elsewhere at least once however near it is: what
+    the noise is put at may be too much."""
     for turn in range(DIVIDED):
         if turn and found.rms_with_motors < 1.0:
             break

@@ -64,9 +64,9 @@ BY_NUMBERS_ONLY = 1.8
 numbers by which they contradicted it (chosen: those with two gaps left 2.1 and more, many others 1.4 to 1.7, before
 it was counted what a right model's force may be off by)."""
 SPOKEN = 3.0
-"""What they leave then from which on something is hidden there though no fit found it (chosen: 28 machines that lack
-nothing, or only what every sound one has a little of, left 2.2 and less, two gaps 2.5 to 7.3 if motors felt them).
-"""
+"""What they leave then from which on something is hidden there though no fit found it (chosen: 34 machines that lack
+nothing, or only what every sound one has a little of, left 2.2 and less, nine with two gaps 2.1 to 19, and two whose
+motors felt nothing of them 1.0)."""
 OF_FEW = 0.4
 """Share of what a few moves and their motors show from which on what takes it is fitted to all (chosen: two gaps
 take about half of it or more where they are found at all, and up to two fifths on machines that have but one)."""
@@ -266,6 +266,7 @@ def judged_by_motors(
     content = gain.of_motors[0] <= CONTRADICTED and not contradicted
     p_value = min(1.0, of_all * gain_p_value(*(trials if content else heard)))
     spoken = content or (contradicted and gone(*gain.of_motors, PART))
+    witness = "samples" if content else "motors"
     if not (spoken and gain.is_of(PART)):
         why = "leaves the motors' equations of motion as they are"
     elif content and not gone_from_all(before, after, EXPLAINED):
@@ -273,17 +274,17 @@ def judged_by_motors(
     elif not (content or explained(of_before, of_after, PART) or told_by_samples(gain, before, after)):
         why = "takes from the motors' equations of motion in the moves that were fitted only"
     elif after.train_rms > LEFT:
-        why = "what the motors speak of, but it leaves too much of the moves that were fitted"
+        why = f"what the {witness} speak of, but it leaves too much of the moves that were fitted"
     elif after.validation_rms > max(UNKNOWN_NUMBERS, before.validation_rms):
-        why = "what the motors speak of, but it raises the held-out error"
+        why = f"what the {witness} speak of, but it raises the held-out error"
     elif after.validation_rms > CHANGED and not explained(before, after, PART):
-        why = "what the motors speak of, but it leaves the other moves as they are"
+        why = f"what the {witness} speak of, but it leaves the other moves as they are"
     elif p_value >= LEVEL:
         why = "gain within what chance does"
     elif nothing := (*after.at_limits, *closed(after.model.fitted)):
         why = f"only with {', '.join(nothing)} where no such effect is"
     else:
-        why = f"what the {'samples' if content else 'motors'} speak of, in the held-out moves, too"
+        why = f"what the {witness} speak of, in the held-out moves, too"
         return Candidate(name, after.held_rms, p_value, True, why)
     return Candidate(name, after.held_rms, p_value, False, why)
 

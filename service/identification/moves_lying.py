@@ -182,10 +182,10 @@ def first_elsewhere(moves: Sequence[Moves], model: Model, at: Point) -> Point:
     is described best. A fit hardly leads it from one place to another, and all shared numbers after it."""
     local = []
     for part, own in zip(moves, at.local, strict=True):
-        first = own[:0] if part.grids[0].index else own[:1]
-        if len(first):
-            (first,) = elsewhere((first_of(part),), model, Point(at.shared, (first,))).local
-        local.append(np.concatenate((first, own[len(first) :])))
+        if part.grids[0].index == 0:
+            (first,) = elsewhere((first_of(part),), model, Point(at.shared, (own[:1],))).local
+            own = np.concatenate((first, own[1:]))
+        local.append(own)
     return Point(at.shared, tuple(local))
 
 

@@ -53,7 +53,9 @@ def pure_error(found: Fitted) -> PureError:
             for group in repeated(moves)
             for axis in range(len(moves.axes))
         ]
-    for of_group in map(settled_ones, laid) if all(map(settles, laid)) else laid:
+    if all(map(settles, laid)):
+        laid = [of_group[-2:] for of_group in laid]
+    for of_group in laid:
         squares += float(np.sum(of_group**2))
         apart += float(np.sum((of_group - of_group.mean(axis=0)) ** 2))
         count += of_group.size
@@ -66,11 +68,6 @@ def settles(of_group: FloatArray) -> bool:
     from when the first of a recording was made, dies away."""
     steps = np.sqrt(np.mean(np.diff(of_group, axis=0) ** 2, axis=1))
     return len(steps) > 1 and bool(np.all(steps[1:] < steps[:-1]))
-
-
-def settled_ones(of_group: FloatArray) -> FloatArray:
-    """The last two, between which least of it is left."""
-    return of_group[-2:]
 
 
 def repeated(moves: Moves) -> Iterator[list[int]]:

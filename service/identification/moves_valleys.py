@@ -137,12 +137,9 @@ def begun_near(scene: Scene, found: Fitted, candidate: Candidate, seed: int = SE
 def typical_machines(found: Fitted, candidate: Candidate, rng: np.random.Generator) -> Iterator[Values]:
     """The effect on typical machines with the friction and all play of a fit, their other numbers drawn at random, and
     the play divided from hardly any to nearly all."""
-    kept, held = (
-        {k: v for k, v in values_at(found).items() if k.endswith(("backlash", *GUIDE))},
-        candidate.effect.held,
-    )
+    kept = {k: v for k, v in values_at(found).items() if k.endswith(("backlash", *GUIDE))}
     drawn = [p for p in candidate.model.parameters if p.logarithmic and p.name not in kept]
-    wide = {p.name: HELD_WIDER * WIDE if p.name.endswith(held) else WIDE for p in drawn}
+    wide = {p.name: HELD_WIDER * WIDE if p.name.endswith(candidate.effect.held) else WIDE for p in drawn}
     most = np.log(1.0 / LEAST - 1.0)
     for k in range(DRAWN):
         machine = {p.name: p.typical * float(np.exp(wide[p.name] * rng.standard_normal())) for p in drawn}
