@@ -11,6 +11,7 @@ from service.dynamics.driven_model import DrivenEffect
 from service.dynamics.effects.driven_library import DRIVEN
 from service.dynamics.effects.driven_sensors import DrivenBias
 from service.identification.axis_common import LEFT_BY_ONE
+from service.identification.axis_pairs import with_two
 from service.identification.axis_verdict import SMALL, finding_of, little, verdict
 from service.identification.explanation import Accepted, AxisExplanation, Candidate
 from service.identification.given_effects import as_accepted, names_of, with_effects_of
@@ -19,7 +20,13 @@ from service.identification.moves_carried import SECOND
 from service.identification.moves_end import SOUND, declared_end, ended
 from service.identification.moves_finals import describes_all, may_be_named
 from service.identification.moves_hidden import Near, as_heard_by_motors, hidden, leads, swinging
-from service.identification.moves_motors import CONTRADICTED, PLAINLY, left_by_motors, nothing_left
+from service.identification.moves_motors import (
+    CONTRADICTED,
+    PLAINLY,
+    left_by_motors,
+    nothing_left,
+    reconciled,
+)
 from service.identification.moves_repeated import pure_error
 from service.identification.moves_search import challenged, propose, without
 from service.identification.moves_sound import with_impurities
@@ -259,13 +266,6 @@ def describes_motors(before: Trial[Explained], trial: Trial[Explained]) -> bool:
     return describes_all(before, trial) and reconciled(before, trial)
 
 
-def reconciled(before: Trial[Explained], trial: Trial[Explained]) -> bool:
-    """Whether the motors leave what a clean machine's do, or nearly all is gone by which they contradicted the model
-    before."""
-    first, left_by = (float(np.max(left_by_motors(t.model.fitted))) for t in (before, trial))
-    return left_by <= CONTRADICTED or gone(first, left_by, EXPLAINED)
-
-
 def searched(
     scene: Scene,
     before: Trial[Explained],
@@ -274,9 +274,9 @@ def searched(
     first: Sequence[type[DrivenEffect]] = (),
     but: Sequence[type[DrivenEffect]] = (),
 ) -> Selection[Explained]:
-    """What is found in the library, `but` for some, also of two effects that are found together only; with `first`, of
-    which there is other evidence, begun with nothing else and however little is missing. Where it ends unknown,
-    what every sound machine has may be all, if that was not asked before."""
+    """What is found in the library, `but` for some, one after the other, or two that are found together only; with
+    `first`, of which there is other evidence, begun with nothing else and however little is missing. Where it ends
+    unknown, what every sound machine has may be all, if that was not asked before."""
     held = {effect.name for effect in before.model.fitted.model.effects} | {kind.name for kind in but}
     library = tuple(kind for kind in DRIVEN.values() if kind.name not in held)
     found = selected(
@@ -290,7 +290,9 @@ def searched(
     )
     if first or finding_of(found)[0] != "unknown":
         return found
-    found = in_company(scene, before, found, library, tell)
+    found = with_two(scene, before, found, library, tell)
+    if finding_of(found)[0] == "unknown":
+        found = in_company(scene, before, found, library, tell)
     if asked_of_impurities(scene, before) or finding_of(found)[0] != "unknown":
         return found
     return only_impurities(with_impurities(scene, before, tell)) or found

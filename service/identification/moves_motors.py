@@ -11,7 +11,7 @@ from service.backlash.moves_fit import Fitted
 from service.backlash.moves_predicted import predict
 from service.backlash.moves_refined import reconstructed
 from service.identification.held_out import SEARCHED, Explained
-from service.identification.selection import Trial
+from service.identification.selection import EXPLAINED, Trial, gone
 from service.recording import FloatArray
 
 CONTRADICTED = 1.5
@@ -41,6 +41,13 @@ def left_by_motors(found: Fitted) -> FloatArray:
     torque was recorded."""
     left = [np.concatenate(of_motor) for of_motor in zip(*of_moves(found), strict=True)]
     return np.array([np.sqrt(np.mean(rows**2)) for rows in left] or [0.0] * len(found.model.axes))
+
+
+def reconciled(before: Trial[Explained], trial: Trial[Explained]) -> bool:
+    """Whether the motors leave what a clean machine's do, or nearly all is gone by which they contradicted the model
+    before."""
+    first, left_by = (float(np.max(left_by_motors(t.model.fitted))) for t in (before, trial))
+    return left_by <= CONTRADICTED or gone(first, left_by, EXPLAINED)
 
 
 def plainly_against(present: Trial[Explained], trial: Trial[Explained]) -> bool:

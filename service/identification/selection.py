@@ -343,7 +343,7 @@ def _rival(
     best: str, name: str, trials: Mapping[str, Trial[ModelT]], nearly: Callable[[str], Sequence[str]]
 ) -> bool:
     """Whether another effect explains the moves as the best one does."""
-    return name != best and _alike(trials[best], trials[name], NEAR if name in nearly(best) else MATERIAL)
+    return name != best and alike(trials[best], trials[name], NEAR if name in nearly(best) else MATERIAL)
 
 
 def _only(best: str, candidate: Candidate) -> Candidate:
@@ -385,7 +385,7 @@ def _judge(name: str, before: Trial[ModelT], after: Trial[ModelT], tried: int, s
     return Candidate(name, after.held_rms, p_value, accepted, why)
 
 
-def _alike(best: Trial[ModelT], other: Trial[ModelT], share: float) -> bool:
+def alike(best: Trial[ModelT], other: Trial[ModelT], share: float) -> bool:
     """Two explanations are alike when the held-out errors differ by less than is material: what differs then beyond
     chance is as likely how a law differs from the machine's."""
     return other.held_rms < (1.0 + share) * best.held_rms

@@ -1,0 +1,94 @@
+"""Whether two effects are what a search for one after the other has missed: named are only such as describe all moves,
+and of which neither can be spared."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+from service.dynamics.driven_model import DrivenEffect
+from service.dynamics.effects.driven_library import DRIVEN
+from service.identification.explanation import Candidate
+from service.identification.held_out import Explained
+from service.identification.moves_finals import described
+from service.identification.moves_motors import reconciled
+from service.identification.moves_search import without
+from service.identification.moves_together import added, pairs
+from service.identification.scene import Scene
+from service.identification.selection import (
+    LEVEL,
+    MATERIAL,
+    NEAR,
+    Selection,
+    Trial,
+    alike,
+    distance,
+    gain_p_value,
+)
+
+NEEDED = 0.25
+"""Share of the held-out RMS that each of two effects must remove beside the other (chosen: that of a further one)."""
+
+
+def with_two(
+    scene: Scene,
+    before: Trial[Explained],
+    found: Selection[Explained],
+    library: Sequence[type[DrivenEffect]],
+    tell: Callable[[str], None],
+) -> Selection[Explained]:
+    """What was found, or two effects of the library, the stronger first, that describe all moves and with which the
+    motors agree; or one of them where the other can be spared."""
+    trials = [t for t in pairs(scene, before, library, tell) if described(t) and reconciled(before, t)]
+    if not trials:
+        return found
+    best = trials[0]
+    one, other = added(before, best)
+    spared = {one: without(scene, best, one), other: without(scene, best, other)}
+    for name, left in ((one, spared[other]), (other, spared[one])):
+        if described(left) and distance(left) <= (1.0 + NEAR) * distance(best):
+            return as_found(before, found, left, {name: before}, ())
+    if any(best.held_rms > (1.0 - NEEDED) * trial.held_rms for trial in spared.values()):
+        return found
+    strongest = sorted(spared, key=lambda name: distance(spared[name]), reverse=True)
+    rivals = [r for t in trials[1:] if (r := rival(before, best, t))]
+    return as_found(before, found, best, {name: spared[name] for name in strongest}, rivals)
+
+
+def rival(
+    before: Trial[Explained], best: Trial[Explained], trial: Trial[Explained]
+) -> tuple[str, str] | None:
+    """The effect of the best pair, and what explains the moves as it does in its place, beside the same other one."""
+    mine, theirs = set(added(before, best)), set(added(before, trial))
+    if len(mine & theirs) != 1:
+        return None
+    (name,), (other,) = mine - theirs, theirs - mine
+    share = NEAR if other in DRIVEN[name].nearly else MATERIAL
+    return (name, other) if alike(best, trial, share) else None
+
+
+def as_found(
+    before: Trial[Explained],
+    found: Selection[Explained],
+    after: Trial[Explained],
+    spared: Mapping[str, Trial[Explained]],
+    rivals: Sequence[tuple[str, str]],
+) -> Selection[Explained]:
+    """The selection with these effects, in order, each with the trial in which it is spared; found unknown if one gains
+    no more than chance does."""
+    names = tuple(spared)
+    tried = len(DRIVEN) * (len(DRIVEN) - 1) // 2
+    p_values = {name: min(1.0, tried * gain_p_value(trial, after)) for name, trial in spared.items()}
+    if max(p_values.values()) >= LEVEL:
+        return found
+    together = " and ".join(names)
+    others = tuple(
+        replace(one, accepted=False, why=f"significant, but {together} explain all") if one.accepted else one
+        for one in found.candidates
+        if one.effect not in names
+    )
+    why = "significant and material on held-out moves" + (", beside the other" if len(names) > 1 else "")
+    own = tuple(Candidate(name, after.held_rms, p, True, why) for name, p in p_values.items())
+    return replace(
+        found, before=before, after=after, effects=names, candidates=others + own, rivals=tuple(rivals)
+    )
