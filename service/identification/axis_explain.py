@@ -290,7 +290,8 @@ def searched(
     )
     if first or finding_of(found)[0] != "unknown":
         return found
-    found = with_two(scene, before, found, library, tell)
+    if left(before) > FURTHER[1]:
+        found = with_two(scene, before, found, library, tell)
     if finding_of(found)[0] == "unknown":
         found = in_company(scene, before, found, library, tell)
     if asked_of_impurities(scene, before) or finding_of(found)[0] != "unknown":

@@ -216,7 +216,8 @@ def challenged(scene: Scene, present: Trial[Explained], best: Trial[Explained]) 
 
 
 def without(scene: Scene, trial: Trial[Explained], name: str) -> Trial[Explained]:
-    """The model without one of its effects, fitted once more from where it stands and to the end."""
+    """The model without one of its effects, fitted once more from where it stands, and to the end if it is not far off:
+    an effect without which it is so cannot be spared."""
     found = trial.model.fitted
     effects = tuple(effect for effect in found.model.effects if effect.name != name)
     model = replace(found.model, effects=effects)
@@ -226,4 +227,6 @@ def without(scene: Scene, trial: Trial[Explained], name: str) -> Trial[Explained
     numbers = [p.name for p in found.model.parameters]
     shared = found.at.shared[[numbers.index(p.name) for p in model.parameters]]
     again = fit(found.moves, model, Point(shared, tuple(local[:, own] for local in found.at.local)), ROUNDS)
+    if again.rms > FAR_OFF * found.rms and again.rms > HOPELESS:
+        return trial_of(scene, again, thorough=False)
     return ended(scene, trial_of(scene, settled(again, ROUNDS)))

@@ -18,12 +18,13 @@ import numpy as np
 from service.backlash.moves import Moves
 from service.backlash.moves_begun import Values, point_at
 from service.backlash.moves_fit import Fitted, fit, values_at
+from service.backlash.moves_refined import reconstructed
 from service.dynamics.driven_model import DrivenEffect, Model
 from service.identification.held_out import DESCRIBED, Explained, trial_of
 from service.identification.moves_carried import refitted
-from service.identification.moves_end import HOPELESS, ended, settled
+from service.identification.moves_end import SOUND, ended, settled
 from service.identification.moves_finals import BEHIND, described
-from service.identification.moves_looks import compared
+from service.identification.moves_looks import best_looks, glimpsed, looked_at, nearest
 from service.identification.moves_starts import (
     ROUNDS,
     SUMMED,
@@ -32,16 +33,30 @@ from service.identification.moves_starts import (
     begun_at,
     candidates,
     fewer,
+    likely,
     speeds_first,
     unanswering,
 )
 from service.identification.scene import NOT_SMOOTH, Scene
-from service.identification.selection import EXPLAINED, LEFT, UNKNOWN_NUMBERS, Trial, distance, gone
+from service.identification.selection import (
+    EXPLAINED,
+    LEFT,
+    PART,
+    UNKNOWN_NUMBERS,
+    Trial,
+    distance,
+    gone,
+    gone_from_all,
+    most_left,
+)
 from service.recording import FloatArray
 
 PAIRS = 3
 """Pairs that are fitted (chosen)."""
-NO_OTHERS = (np.inf, np.inf)
+ALL_BUT = 0.99
+"""Share of the excess variance that two effects explain which leave something (chosen: the nearest two beside a film of
+oil explained 0.97, a body and a friction curve of another law 0.995)."""
+NO_OTHERS = (np.inf, 0.0)
 """That no other valley is looked for."""
 
 
@@ -50,22 +65,28 @@ def pairs(
 ) -> list[Trial[Explained]]:
     """Fits with two of the library's effects, the nearest first: two smooth ones, or where these do not describe all
     moves one that is not beside a smooth one."""
-    present = before.model.fitted
-    smooth = with_all_smooth(scene, present, library)
+    smooth = with_all_smooth(scene, before.model.fitted, library)
     if smooth is None:
         return []
-    tell(f"all smooth effects together: {smooth.rms:.3f} (now {present.rms:.3f})")
+    tell(f"all smooth effects together: {smooth.rms:.3f} (now {before.train_rms:.3f})")
     found = list[Trial[Explained]]()
-    if leads(before, smooth):
+    if leads(before, smooth.rms):
         found = fitted_pairs(scene, before, smooth, (), tell)
-    if any(described(trial) for trial in found):
+    if any(are_all(before, trial) for trial in found):
         return found
-    other = with_one_beside(scene, smooth, library)
-    if other is None or not leads(before, other):
+    other = with_one_beside(scene, before, smooth, library)
+    if other is None:
         return found
     beside = other.model.effects[-1].name
     tell(f"with {beside} beside them: {other.rms:.3f}")
     return sorted([*found, *fitted_pairs(scene, before, other, (beside,), tell)], key=distance)
+
+
+def are_all(before: Trial[Explained], trial: Trial[Explained]) -> bool:
+    """Whether two effects describe all moves, or not much is left, however their laws differ from the machine's, and
+    that a hundredth of what is missing without them: what no library has, two effects imitate less well."""
+    nearly = most_left(trial) <= LEFT and gone_from_all(before, trial, ALL_BUT) and not trial.at_limits
+    return nearly or described(trial)
 
 
 def added(before: Trial[Explained], trial: Trial[Explained]) -> tuple[str, ...]:
@@ -74,9 +95,9 @@ def added(before: Trial[Explained], trial: Trial[Explained]) -> tuple[str, ...]:
     return tuple(e.name for e in trial.model.fitted.model.effects if e.name not in held)
 
 
-def leads(before: Trial[Explained], found: Fitted) -> bool:
-    """Whether a fit with many effects leaves so little that two of them may be all."""
-    return found.rms <= LEFT or gone(before.train_rms, found.rms, EXPLAINED)
+def leads(before: Trial[Explained], rms: float) -> bool:
+    """Whether many effects together explain so much that two of them may be all."""
+    return gone(before.train_rms, rms, PART if rms <= LEFT else EXPLAINED)
 
 
 def with_all_smooth(scene: Scene, present: Fitted, library: Sequence[type[DrivenEffect]]) -> Fitted | None:
@@ -91,15 +112,23 @@ def with_all_smooth(scene: Scene, present: Fitted, library: Sequence[type[Driven
     return on_all_moves(present.moves, nearest_of(starts))
 
 
-def with_one_beside(scene: Scene, smooth: Fitted, library: Sequence[type[DrivenEffect]]) -> Fitted | None:
-    """The model with all smooth effects, and that of the others which is nearest with them; none where none is near."""
+def with_one_beside(
+    scene: Scene, before: Trial[Explained], smooth: Fitted, library: Sequence[type[DrivenEffect]]
+) -> Fitted | None:
+    """The model with all smooth effects and the one of the others which is nearest to a few moves beside them, fitted
+    to all; none where it does not lead."""
     others = [kind for kind in library if kind.name in NOT_SMOOTH and not kind.many_valleys]
     tried = candidates(smooth.model, others, ())
+    looks = {one.name: looked_at(glimpsed(smooth, one, likely(scene, smooth, one))) for one in tried}
     if not tried:
         return None
-    brief, _ = compared(scene, smooth, tried, taken=[effect.name for effect in smooth.model.effects])
-    best = min(brief.values(), key=lambda fits: fits[0].rms)
-    return on_all_moves(smooth.moves, refitted(smooth, best, np.inf)[0]) if best[0].rms < HOPELESS else None
+    best = min(tried, key=lambda one: nearest(looks[one.name]))
+    brief = best_looks(looks[best.name], smooth, best)
+    return (
+        on_all_moves(smooth.moves, refitted(smooth, brief, np.inf)[0])
+        if leads(before, brief[0].rms)
+        else None
+    )
 
 
 def begun(few: Sequence[Moves], model: Model, place: Values) -> Iterator[Fitted]:
@@ -122,9 +151,10 @@ def nearest_of(starts: Iterator[Fitted]) -> Fitted:
 
 
 def on_all_moves(moves: Sequence[Moves], few: Fitted) -> Fitted:
-    """The model of a fit of a few moves fitted to all, with the motion that it makes."""
+    """The model of a fit of a few moves fitted to all, with the motion that it makes, and settled if it is near."""
     found = fit(moves, few.model, begun_at(moves, few.model, values_at(few)), ROUNDS)
-    return settled(found, ROUNDS, NO_OTHERS)
+    found = fit(reconstructed(found), found.model, found.at, ROUNDS)
+    return settled(found, ROUNDS, NO_OTHERS) if found.rms <= SOUND else found
 
 
 def fitted_pairs(
@@ -136,33 +166,35 @@ def fitted_pairs(
 ) -> list[Trial[Explained]]:
     """The pairs of effects of a fit with many that are needed most, fitted, and ended where they may be all and are
     not far behind the nearest."""
-    out, nearest = list[Trial[Explained]](), np.inf
+    out, closest = list[Trial[Explained]](), np.inf
     for names in ranked(before.model.fitted, found, beside)[:PAIRS]:
         trial = trial_of(scene, with_two(before.model.fitted, found, names))
-        if trial.train_rms <= LEFT and distance(trial) <= BEHIND * nearest:
+        if most_left(trial) <= SOUND and distance(trial) <= BEHIND * closest:
             trial = ended(scene, trial)
         tell(f"tried {' and '.join(names)}: {trial.train_rms:.3f}, held out {trial.validation_rms:.3f}")
-        nearest = min(nearest, distance(trial))
+        closest = min(closest, distance(trial))
         out.append(trial)
     return sorted(out, key=distance)
 
 
 def ranked(present: Fitted, found: Fitted, beside: tuple[str, ...]) -> list[tuple[str, str]]:
-    """The pairs of effects that a fit has and the present one lacks, two of them, or one and what is `beside`: first
-    that with which the sum of squares rises least without the others."""
+    """The pairs of effects that a fit has and the present one lacks, two of them, or one and what is `beside`, by the
+    RMS that would be left without the others: the least first, and none that is far behind it."""
     held = {effect.name for effect in present.model.effects}
-    added = [effect for effect in found.model.effects if effect.name not in held]
+    more = [effect for effect in found.model.effects if effect.name not in held]
     C, numbers = own_covariance(found), {p.name: k for k, p in enumerate(found.model.parameters)}
 
-    def rise(names: Sequence[str]) -> float:
-        others = [p for e in added if e.name not in names for p in e.parameters if p.dose]
+    def left(names: Sequence[str]) -> float:
+        others = [p for e in more if e.name not in names for p in e.parameters if p.dose]
         at = [numbers[p.name] for p in others]
         off = found.at.shared[at] - np.array([float(p.internal(0.0)) for p in others])
-        return float(off @ np.linalg.solve(C[np.ix_(at, at)], off))
+        rise = float(off @ np.linalg.solve(C[np.ix_(at, at)], off))
+        return float(np.sqrt((found.r @ found.r + rise) / len(found.r)))
 
-    rest = [effect.name for effect in added if effect.name not in beside]
+    rest = [effect.name for effect in more if effect.name not in beside]
     named = [(*some, *beside) for some in combinations(rest, 2 - len(beside))]
-    return [(names[0], names[1]) for names in sorted(named, key=rise)]
+    least, *_ = by_left = sorted((left(names), (names[0], names[1])) for names in named)
+    return [names for rms, names in by_left if rms <= BEHIND * least[0]]
 
 
 def own_covariance(found: Fitted) -> FloatArray:
