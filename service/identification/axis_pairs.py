@@ -10,9 +10,10 @@ from service.dynamics.driven_model import DrivenEffect
 from service.dynamics.effects.driven_library import DRIVEN
 from service.identification.explanation import Candidate
 from service.identification.held_out import Explained
+from service.identification.moves_finals import described
 from service.identification.moves_motors import reconciled
 from service.identification.moves_search import without
-from service.identification.moves_together import added, are_all, pairs
+from service.identification.moves_together import added, pairs
 from service.identification.scene import Scene
 from service.identification.selection import (
     LEVEL,
@@ -38,14 +39,14 @@ def with_two(
 ) -> Selection[Explained]:
     """What was found, or two effects of the library, the stronger first, that describe all moves and with which the
     motors agree; or one of them where the other can be spared."""
-    trials = [t for t in pairs(scene, before, library, tell) if are_all(before, t) and reconciled(before, t)]
+    trials = [t for t in pairs(scene, before, library, tell) if reconciled(before, t)]
     if not trials:
         return found
     best = trials[0]
     one, other = added(before, best)
     spared = {one: without(scene, best, one), other: without(scene, best, other)}
     for name, left in ((one, spared[other]), (other, spared[one])):
-        if are_all(before, left) and distance(left) <= (1.0 + NEAR) * distance(best):
+        if described(left) and distance(left) <= (1.0 + NEAR) * distance(best):
             return as_found(before, found, left, {name: before}, ())
     if any(best.held_rms > (1.0 - NEEDED) * trial.held_rms for trial in spared.values()):
         return found

@@ -227,6 +227,7 @@ def without(scene: Scene, trial: Trial[Explained], name: str) -> Trial[Explained
     numbers = [p.name for p in found.model.parameters]
     shared = found.at.shared[[numbers.index(p.name) for p in model.parameters]]
     again = fit(found.moves, model, Point(shared, tuple(local[:, own] for local in found.at.local)), ROUNDS)
-    if again.rms > FAR_OFF * found.rms and again.rms > HOPELESS:
+    again = settled(again, ROUNDS)
+    if again.rms > FAR_OFF * found.rms:
         return trial_of(scene, again, thorough=False)
-    return ended(scene, trial_of(scene, settled(again, ROUNDS)))
+    return ended(scene, trial_of(scene, again))

@@ -9,7 +9,7 @@ are fitted.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import combinations
 
@@ -18,12 +18,13 @@ import numpy as np
 from service.backlash.moves import Moves
 from service.backlash.moves_begun import Values, point_at
 from service.backlash.moves_fit import Fitted, fit, values_at
+from service.backlash.moves_point import width
 from service.backlash.moves_refined import reconstructed
 from service.dynamics.driven_model import DrivenEffect, Model
 from service.identification.held_out import DESCRIBED, Explained, trial_of
 from service.identification.moves_carried import refitted
 from service.identification.moves_end import SOUND, ended, settled
-from service.identification.moves_finals import BEHIND, described
+from service.identification.moves_finals import BEHIND, FINALISTS, described
 from service.identification.moves_looks import best_looks, glimpsed, looked_at, nearest
 from service.identification.moves_starts import (
     ROUNDS,
@@ -34,13 +35,15 @@ from service.identification.moves_starts import (
     candidates,
     fewer,
     likely,
-    speeds_first,
+    of_speed,
     unanswering,
 )
 from service.identification.scene import NOT_SMOOTH, Scene
 from service.identification.selection import (
+    CHANGED,
     EXPLAINED,
     LEFT,
+    NEAR,
     PART,
     UNKNOWN_NUMBERS,
     Trial,
@@ -51,7 +54,7 @@ from service.identification.selection import (
 )
 from service.recording import FloatArray
 
-PAIRS = 3
+PAIRS = 4
 """Pairs that are fitted (chosen)."""
 ALL_BUT = 0.99
 """Share of the excess variance that two effects explain which leave something (chosen: the nearest two beside a film of
@@ -63,30 +66,27 @@ NO_OTHERS = (np.inf, 0.0)
 def pairs(
     scene: Scene, before: Trial[Explained], library: Sequence[type[DrivenEffect]], tell: Callable[[str], None]
 ) -> list[Trial[Explained]]:
-    """Fits with two of the library's effects, the nearest first: two smooth ones, or where these do not describe all
-    moves one that is not beside a smooth one."""
-    smooth = with_all_smooth(scene, before.model.fitted, library)
+    """Fits with two of the library's effects that are all that is missing, the nearest first: two smooth ones, or where
+    no such two are all, a smooth one and one that is not."""
+    smooth = with_all_smooth(before.model.fitted, library)
     if smooth is None:
         return []
     tell(f"all smooth effects together: {smooth.rms:.3f} (now {before.train_rms:.3f})")
-    found = list[Trial[Explained]]()
-    if leads(before, smooth.rms):
-        found = fitted_pairs(scene, before, smooth, (), tell)
-    if any(are_all(before, trial) for trial in found):
+    if leads(before, smooth.rms) and (found := fitted_pairs(scene, before, smooth, (), tell)):
         return found
     other = with_one_beside(scene, before, smooth, library)
     if other is None:
-        return found
+        return []
     beside = other.model.effects[-1].name
     tell(f"with {beside} beside them: {other.rms:.3f}")
-    return sorted([*found, *fitted_pairs(scene, before, other, (beside,), tell)], key=distance)
+    return fitted_pairs(scene, before, other, (beside,), tell)
 
 
-def are_all(before: Trial[Explained], trial: Trial[Explained]) -> bool:
-    """Whether two effects describe all moves, or not much is left, however their laws differ from the machine's, and
-    that a hundredth of what is missing without them: what no library has, two effects imitate less well."""
-    nearly = most_left(trial) <= LEFT and gone_from_all(before, trial, ALL_BUT) and not trial.at_limits
-    return nearly or described(trial)
+def are_all(before: Trial[Explained], trial: Trial[Explained], found: Fitted) -> bool:
+    """Whether two effects of a fit with many describe all moves, or leave not much, however their laws differ from the
+    machine's, a hundredth of what is missing without them, and hardly more than all of them do."""
+    whole = most_left(trial) <= LEFT and gone_from_all(before, trial, ALL_BUT) and not trial.at_limits
+    return described(trial) or (whole and trial.train_rms <= (1.0 + NEAR) * found.rms)
 
 
 def added(before: Trial[Explained], trial: Trial[Explained]) -> tuple[str, ...]:
@@ -100,16 +100,14 @@ def leads(before: Trial[Explained], rms: float) -> bool:
     return gone(before.train_rms, rms, PART if rms <= LEFT else EXPLAINED)
 
 
-def with_all_smooth(scene: Scene, present: Fitted, library: Sequence[type[DrivenEffect]]) -> Fitted | None:
+def with_all_smooth(present: Fitted, library: Sequence[type[DrivenEffect]]) -> Fitted | None:
     """The present model with all smooth effects of the library that it lacks, fitted to all moves; none where there are
     fewer than two."""
     added = tuple(kind(present.model.axes) for kind in library if kind.name not in NOT_SMOOTH)
     if len(added) < 2:
         return None
     model = replace(present.model, effects=(*present.model.effects, *added))
-    few = as_measured(fewer(present))
-    starts = (found for place in (values_at(present), scene.smooth) for found in begun(few, model, place))
-    return on_all_moves(present.moves, nearest_of(starts))
+    return on_all_moves(present.moves, begun(as_measured(fewer(present)), model, values_at(present)))
 
 
 def with_one_beside(
@@ -131,21 +129,14 @@ def with_one_beside(
     )
 
 
-def begun(few: Sequence[Moves], model: Model, place: Values) -> Iterator[Fitted]:
-    """Fits of a few moves begun at a place: where the loads' speeds are described best, which have a slope from
-    wherever a flank is met, and at once."""
-    at = point_at(model, place, few)
-    for lasting in SUMMED:
-        yield speeds_first(few, model, at, lasting, ROUNDS)
-    yield fit(few, model, at, ROUNDS)
-
-
-def nearest_of(starts: Iterator[Fitted]) -> Fitted:
-    """The nearest of fits, which are made until one describes its moves."""
-    tried = list[Fitted]()
-    for found in starts:
-        tried.append(found)
-        if found.rms <= DESCRIBED:
+def begun(few: Sequence[Moves], model: Model, place: Values) -> Fitted:
+    """The nearest of fits of a few moves begun at a place, where the loads' speeds are described best, which have a
+    slope from wherever a flank is met, and at once; or the first that describes them."""
+    at, tried = point_at(model, place, few), list[Fitted]()
+    for lasting in (*SUMMED, None):
+        first = at if lasting is None else fit(of_speed(few, lasting), model, at, ROUNDS).at
+        tried.append(fit(few, model, first, ROUNDS))
+        if tried[-1].rms <= DESCRIBED:
             break
     return min(tried, key=lambda f: f.rms)
 
@@ -164,17 +155,25 @@ def fitted_pairs(
     beside: tuple[str, ...],
     tell: Callable[[str], None],
 ) -> list[Trial[Explained]]:
-    """The pairs of effects of a fit with many that are needed most, fitted, and ended where they may be all and are
-    not far behind the nearest."""
-    out, closest = list[Trial[Explained]](), np.inf
+    """The pairs of effects of a fit with many that are needed most, fitted, the nearest first; those of the nearest are
+    ended that may be all, until one is and the next is not as near."""
+    trials = list[Trial[Explained]]()
     for names in ranked(before.model.fitted, found, beside)[:PAIRS]:
-        trial = trial_of(scene, with_two(before.model.fitted, found, names))
-        if most_left(trial) <= SOUND and distance(trial) <= BEHIND * closest:
-            trial = ended(scene, trial)
-        tell(f"tried {' and '.join(names)}: {trial.train_rms:.3f}, held out {trial.validation_rms:.3f}")
-        closest = min(closest, distance(trial))
-        out.append(trial)
-    return sorted(out, key=distance)
+        trials.append(trial_of(scene, with_two(before.model.fitted, found, names)))
+        tell(
+            f"tried {' and '.join(names)}: {trials[-1].train_rms:.3f}, held out {trials[-1].validation_rms:.3f}"
+        )
+    first, *others = sorted(trials, key=distance)
+    out = [to_its_end(scene, first)]
+    for trial in others:
+        as_near = distance(trial) <= ((1.0 + NEAR) if described(out[0]) else BEHIND) * distance(out[0])
+        out.append(to_its_end(scene, trial) if as_near and len(out) < FINALISTS else trial)
+    return sorted((t for t in out if are_all(before, t, found)), key=distance)
+
+
+def to_its_end(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
+    """The trial, its fit ended if it may be the right one."""
+    return ended(scene, trial) if trial.train_rms <= LEFT and most_left(trial) <= CHANGED else trial
 
 
 def ranked(present: Fitted, found: Fitted, beside: tuple[str, ...]) -> list[tuple[str, str]]:
@@ -182,13 +181,11 @@ def ranked(present: Fitted, found: Fitted, beside: tuple[str, ...]) -> list[tupl
     RMS that would be left without the others: the least first, and none that is far behind it."""
     held = {effect.name for effect in present.model.effects}
     more = [effect for effect in found.model.effects if effect.name not in held]
-    C, numbers = own_covariance(found), {p.name: k for k, p in enumerate(found.model.parameters)}
+    C, at = own_covariance(found), np.concatenate((found.at.shared, *map(np.ravel, found.at.local)))
 
     def left(names: Sequence[str]) -> float:
-        others = [p for e in more if e.name not in names for p in e.parameters if p.dose]
-        at = [numbers[p.name] for p in others]
-        off = found.at.shared[at] - np.array([float(p.internal(0.0)) for p in others])
-        rise = float(off @ np.linalg.solve(C[np.ix_(at, at)], off))
+        absent = [k for e in more if e.name not in names for k in amounts(found, e)]
+        rise = float(at[absent] @ np.linalg.solve(C[np.ix_(absent, absent)], at[absent]))
         return float(np.sqrt((found.r @ found.r + rise) / len(found.r)))
 
     rest = [effect.name for effect in more if effect.name not in beside]
@@ -197,10 +194,19 @@ def ranked(present: Fitted, found: Fitted, beside: tuple[str, ...]) -> list[tupl
     return [names for rms, names in by_left if rms <= BEHIND * least[0]]
 
 
+def amounts(found: Fitted, effect: DrivenEffect) -> list[int]:
+    """Where the coordinates of a fit lie that are 0 without an effect: its amounts, and what it has of every move."""
+    names = [p.name for p in found.model.parameters]
+    own = [2 * len(found.model.axes) + found.model.nuisance.index(p) for p in effect.nuisance]
+    moves = range(sum(len(local) for local in found.at.local))
+    of_moves = [len(names) + t * width(found.model) + k for t in moves for k in own]
+    return [names.index(p.name) for p in effect.parameters if p.dose] + of_moves
+
+
 def own_covariance(found: Fitted) -> FloatArray:
-    """(P, P) of the shared coordinates, as if the residuals were white."""
-    J, P = found.slopes.dense(), len(found.model.parameters)
-    return np.asarray(np.linalg.inv(J.T @ J + np.eye(J.shape[1]))[:P, :P])
+    """Covariance (size, size) of all coordinates of a fit, the shared ones first, as if the residuals were white."""
+    J = found.slopes.dense()
+    return np.asarray(np.linalg.inv(J.T @ J + np.eye(J.shape[1])))
 
 
 def with_two(present: Fitted, found: Fitted, names: tuple[str, str]) -> Fitted:
@@ -209,6 +215,6 @@ def with_two(present: Fitted, found: Fitted, names: tuple[str, str]) -> Fitted:
     model = replace(present.model, effects=(*present.model.effects, *effects), lumps=found.model.lumps)
     few = unanswering(fewer(found))
     values = values_at(found)
-    best = nearest_of(begun(few, model, {p.name: values[p.name] for p in model.parameters}))
+    best = begun(few, model, {p.name: values[p.name] for p in model.parameters})
     best = across_samples(few, best) if best.rms > UNKNOWN_NUMBERS else best
     return on_all_moves(found.moves, best)
