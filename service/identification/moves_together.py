@@ -103,10 +103,10 @@ def leads(before: Trial[Explained], rms: float) -> bool:
 def with_all_smooth(present: Fitted, library: Sequence[type[DrivenEffect]]) -> Fitted | None:
     """The present model with all smooth effects of the library that it lacks, fitted to all moves; none where there are
     fewer than two."""
-    added = tuple(kind(present.model.axes) for kind in library if kind.name not in NOT_SMOOTH)
-    if len(added) < 2:
+    smooth = tuple(kind(present.model.axes) for kind in library if kind.name not in NOT_SMOOTH)
+    if len(smooth) < 2:
         return None
-    model = replace(present.model, effects=(*present.model.effects, *added))
+    model = replace(present.model, effects=(*present.model.effects, *smooth))
     return on_all_moves(present.moves, begun(as_measured(fewer(present)), model, values_at(present)))
 
 
@@ -114,19 +114,18 @@ def with_one_beside(
     scene: Scene, before: Trial[Explained], smooth: Fitted, library: Sequence[type[DrivenEffect]]
 ) -> Fitted | None:
     """The model with all smooth effects and the one of the others which is nearest to a few moves beside them, fitted
-    to all; none where it does not lead."""
+    to all; none where too much is left."""
     others = [kind for kind in library if kind.name in NOT_SMOOTH and not kind.many_valleys]
     tried = candidates(smooth.model, others, ())
-    looks = {one.name: looked_at(glimpsed(smooth, one, likely(scene, smooth, one))) for one in tried}
     if not tried:
         return None
+    looks = {one.name: looked_at(glimpsed(smooth, one, likely(scene, smooth, one))) for one in tried}
     best = min(tried, key=lambda one: nearest(looks[one.name]))
     brief = best_looks(looks[best.name], smooth, best)
-    return (
-        on_all_moves(smooth.moves, refitted(smooth, brief, np.inf)[0])
-        if leads(before, brief[0].rms)
-        else None
-    )
+    if not leads(before, brief[0].rms):
+        return None
+    found = on_all_moves(smooth.moves, refitted(smooth, brief, np.inf)[0])
+    return found if found.rms <= LEFT and leads(before, found.rms) else None
 
 
 def begun(few: Sequence[Moves], model: Model, place: Values) -> Fitted:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
 import pytest
 
-from service.identification import axis_explain
+from service.identification import axis_explain, moves_motors
 from service.identification.moves_repeated import PureError
 from service.identification.selection import Selection, Trial
+from service.recording import FloatArray
 
 FORCE, FRICTION = "position_dependent_force", "asymmetric_friction"
 HUNG, BODY = "hung_mass_mode", "machine_body_mode"
@@ -40,3 +42,9 @@ def heard(monkeypatch: pytest.MonkeyPatch, left: float = 5.0) -> None:
     monkeypatch.setattr(axis_explain, "nothing_left", lambda _found: False)
     monkeypatch.setattr(axis_explain, "leads", lambda *_: True)
     monkeypatch.setattr(axis_explain, "challenged", lambda _scene, present, _best: present)
+
+
+def motors_leave(monkeypatch: pytest.MonkeyPatch, left: Callable[[Any], FloatArray]) -> None:
+    """What the motors leave of a fit, wherever it is asked."""
+    for module in (axis_explain, moves_motors):
+        monkeypatch.setattr(module, "left_by_motors", left)

@@ -15,7 +15,7 @@ from service.identification.axis_explain import (
 )
 from service.identification.explanation import Candidate
 from service.identification.selection import Selection, Trial
-from tests.service.identification.a_search import heard, trial
+from tests.service.identification.a_search import heard, motors_leave, trial
 
 
 def test_a_second_gap_is_what_a_fit_may_hide() -> None:
@@ -54,7 +54,7 @@ def test_what_the_motors_speak_of_is_the_finding_unless_another_one_describes_ot
     after = trial(1.0, held_out_by_others)
     other = Selection(before, after, others, (Candidate("sensor_gain", 1.0, 0.5),), ())
     heard(monkeypatch)
-    monkeypatch.setattr(axis_explain, "left_by_motors", lambda _fitted: np.array([5.0]))
+    motors_leave(monkeypatch, lambda _fitted: np.array([5.0]))
     monkeypatch.setattr(axis_explain, "hidden", lambda *_: by_motors)
     monkeypatch.setattr(axis_explain, "finding_of", lambda _found: (finding, others))
     monkeypatch.setattr(axis_explain, "searched", lambda *_, **__: other)
@@ -92,7 +92,7 @@ def test_what_describes_other_moves_better_takes_no_name_from_that_with_which_on
         one.model.fitted = one
     names = ("gearbox_clearance",)
     heard(monkeypatch)
-    monkeypatch.setattr(axis_explain, "left_by_motors", lambda of: np.array([0.5, left[id(of)]]))
+    motors_leave(monkeypatch, lambda of: np.array([0.5, left[id(of)]]))
     monkeypatch.setattr(axis_explain, "finding_of", lambda found: ("effect", found.effects))
     monkeypatch.setattr(
         axis_explain, "hidden", lambda *_: Selection(before, after, names, (), (), witnessed=names)
@@ -119,7 +119,7 @@ def test_what_may_be_hidden_has_its_name_where_the_moves_or_the_motors_are_descr
         one.model.fitted = one
     names = ("gearbox_clearance",)
     heard(monkeypatch)
-    monkeypatch.setattr(axis_explain, "left_by_motors", lambda of: np.array([left[id(of)]]))
+    motors_leave(monkeypatch, lambda of: np.array([left[id(of)]]))
     monkeypatch.setattr(axis_explain, "finding_of", lambda _found: ("unknown", ()))
     monkeypatch.setattr(
         axis_explain, "hidden", lambda *_: Selection(before, after, names, (), (), witnessed=names)
@@ -149,7 +149,7 @@ def test_what_describes_the_motors_too_hides_nothing(
         one.model.fitted = one
     beside = Selection(before, after, names, (), ())
     heard(monkeypatch)
-    monkeypatch.setattr(axis_explain, "left_by_motors", lambda of: np.array([0.5, left[id(of)]]))
+    motors_leave(monkeypatch, lambda of: np.array([0.5, left[id(of)]]))
     monkeypatch.setattr(axis_explain, "searched", lambda *_, **__: beside)
     monkeypatch.setattr(
         axis_explain, "hidden", lambda *_: hidden.append(1) or Selection(before, before, (), (), ())
@@ -197,7 +197,7 @@ def test_what_the_motors_speak_of_plainly_is_asked_for_first_and_taken_if_it_des
         one.model.fitted = one
     of_motors = Selection(before, after if names else before, names, (), ())
     heard(monkeypatch)
-    monkeypatch.setattr(axis_explain, "left_by_motors", lambda of: np.array([0.5, left[id(of)]]))
+    motors_leave(monkeypatch, lambda of: np.array([0.5, left[id(of)]]))
     monkeypatch.setattr(axis_explain, "nothing_left", lambda of: left[id(of)] < 1.0)
     monkeypatch.setattr(axis_explain, "finding_of", lambda _found: ("none", ()))
 
@@ -237,7 +237,7 @@ def test_what_suffices_is_searched_before_what_may_be_hidden(
         return lambda *_, **__: done.append(what) or Selection(before, before, (), (), (), tried)
 
     heard(monkeypatch)
-    monkeypatch.setattr(axis_explain, "left_by_motors", lambda _of: np.array([9.0]))
+    motors_leave(monkeypatch, lambda _of: np.array([9.0]))
     monkeypatch.setattr(axis_explain, "finding_of", lambda _found: ("none", ()))
     monkeypatch.setattr(
         axis_explain, "with_impurities", asking("impurities", (trial(bent, 2.0), trial(1.4, 3.0)))
@@ -271,7 +271,7 @@ def test_what_only_leads_to_a_machine_on_which_the_model_comes_nearer_is_not_hid
     hides = Selection(before, after, ("gearbox_clearance",), (), ())
     heard(monkeypatch)
     monkeypatch.setattr(axis_explain, "challenged", lambda _scene, _present, _best: again)
-    monkeypatch.setattr(axis_explain, "left_by_motors", lambda of: np.array([left[id(of)]]))
+    motors_leave(monkeypatch, lambda of: np.array([left[id(of)]]))
     monkeypatch.setattr(axis_explain, "nothing_left", lambda _fitted: nothing_left)
     monkeypatch.setattr(axis_explain, "hidden", lambda *_: hides)
     monkeypatch.setattr(axis_explain, "finding_of", lambda one: ("effect", one.effects))
@@ -306,7 +306,7 @@ def test_what_swings_is_taken_where_nothing_else_is_found_with_which_the_motors_
     refused = (Candidate("sensor_gain", 1.0, 1.0), Candidate("hung_mass_mode", 2.0, 1.0))
     none = Selection(before, before, (), refused, ())
     gaps = Selection(before, before, (), (Candidate("gearbox_clearance", 1.0, 1.0),), ())
-    monkeypatch.setattr(axis_explain, "left_by_motors", lambda of: np.array([0.5, left[id(of)]]))
+    motors_leave(monkeypatch, lambda of: np.array([0.5, left[id(of)]]))
     monkeypatch.setattr(axis_explain, "searched", lambda *_, **__: none)
     monkeypatch.setattr(axis_explain, "selected", lambda *_: swung)
     monkeypatch.setattr(axis_explain, "hidden", lambda *_: gaps)
@@ -345,7 +345,7 @@ def test_what_content_motors_do_not_feel_is_asked_for_where_nothing_else_explain
     )
     hides = Selection(before, after, ("gearbox_clearance",), (judged,), ())
     heard(monkeypatch)
-    monkeypatch.setattr(axis_explain, "left_by_motors", lambda _of: np.array([1.0]))
+    motors_leave(monkeypatch, lambda _of: np.array([1.0]))
     monkeypatch.setattr(axis_explain, "finding_of", lambda _one: (finding, ()))
     monkeypatch.setattr(axis_explain, "leads", lambda *_: leads)
     searched_for: list[Any] = []

@@ -20,7 +20,7 @@ from service.identification.axis_explain import (
 from service.identification.explanation import Candidate
 from service.identification.moves_repeated import PureError
 from service.identification.selection import Selection, Trial
-from tests.service.identification.a_search import heard, trial
+from tests.service.identification.a_search import heard, motors_leave, trial
 
 
 @pytest.mark.parametrize(
@@ -76,7 +76,7 @@ def test_beyond_what_is_accepted_only_more_than_a_law_leaves_is_searched(
     monkeypatch.setattr(axis_explain, "searched", searched)
     monkeypatch.setattr(axis_explain, "finding_of", lambda _found: ("none", ()))
     monkeypatch.setattr(axis_explain, "hidden", hidden)
-    monkeypatch.setattr(axis_explain, "left_by_motors", lambda _fitted: np.array([0.5, 1.0]) * by_motors)
+    motors_leave(monkeypatch, lambda _fitted: np.array([0.5, 1.0]) * by_motors)
     scene: Any = SimpleNamespace(zero_wanders=wanders, smooth_left=np.inf)
     found = missing_in(scene, trial(*errors), accepted, lambda _text: None)
     assert said == asked
@@ -110,7 +110,7 @@ def test_what_may_be_hidden_and_is_not_likely_to_be_is_asked_for_last(
     monkeypatch.setattr(axis_explain, "hidden", hidden)
     monkeypatch.setattr(axis_explain, "searched", searched)
     monkeypatch.setattr(axis_explain, "finding_of", lambda _found: ("none", ()))
-    monkeypatch.setattr(axis_explain, "left_by_motors", lambda of: np.array([0.5, left[id(of)]]))
+    motors_leave(monkeypatch, lambda of: np.array([0.5, left[id(of)]]))
     scene: Any = SimpleNamespace(zero_wanders=False, smooth_left=np.inf)
     assert missing_in(scene, before, (), lambda _text: None).effects == ("sensor_gain",)
     assert said == ["all"]
@@ -128,7 +128,7 @@ def test_where_the_held_out_moves_have_no_torque_what_may_be_hidden_is_searched_
         return Selection(before, before, (), (), ())
 
     heard(monkeypatch, 0.0)
-    monkeypatch.setattr(axis_explain, "left_by_motors", lambda _fitted: np.array([5.0]))
+    motors_leave(monkeypatch, lambda _fitted: np.array([5.0]))
     monkeypatch.setattr(axis_explain, "hidden", lambda *_: Selection(before, before, (), (), ()))
     monkeypatch.setattr(axis_explain, "searched", searched)
     scene: Any = SimpleNamespace(zero_wanders=False, smooth_left=np.inf)

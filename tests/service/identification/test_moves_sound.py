@@ -13,6 +13,7 @@ from service.identification import axis_explain, moves_sound
 from service.identification.moves_repeated import PureError
 from service.identification.moves_sound import with_impurities
 from service.identification.selection import Selection, Trial
+from tests.service.identification.a_search import motors_leave
 from tests.service.identification.a_selection import trial
 
 BENT, RIPPLE = "contact_nonlinearity", "transmission_ripple"
@@ -115,6 +116,7 @@ def test_what_every_sound_machine_has_is_asked_for_where_nothing_else_explains_w
         return both
 
     monkeypatch.setattr(axis_explain, "selected", lambda *_: search)
+    monkeypatch.setattr(axis_explain, "with_two", lambda *_: search)
     monkeypatch.setattr(axis_explain, "in_company", lambda *_: search)
     monkeypatch.setattr(axis_explain, "with_impurities", impurities)
     monkeypatch.setattr(
@@ -183,7 +185,7 @@ def test_where_little_is_missing_what_every_sound_machine_has_may_be_all(
     monkeypatch.setattr(axis_explain, "contradicted", searched)
     monkeypatch.setattr(axis_explain, "beyond_motors", lambda _scene, _before, found, *_: found)
     monkeypatch.setattr(axis_explain, "finding_of", lambda _found: (finding, ()))
-    monkeypatch.setattr(axis_explain, "left_by_motors", lambda of: np.array([0.5, 1.0]) * left[id(of)])
+    motors_leave(monkeypatch, lambda of: np.array([0.5, 1.0]) * left[id(of)])
     scene: Any = SimpleNamespace(zero_wanders=False, smooth_left=np.inf)
     out = axis_explain.missing_in(scene, before, (), quiet)
     assert said == asked

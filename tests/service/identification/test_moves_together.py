@@ -1,0 +1,168 @@
+"""Two effects at once: which of many a fit needs, when two of them are all, and in which order they are looked for."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from service.backlash.moves_point import width
+from service.dynamics.driven_model import Model
+from service.dynamics.effects.driven_library import DRIVEN
+from service.identification import moves_together
+from service.identification.moves_together import added, are_all, pairs, ranked
+from service.identification.selection import Trial
+
+AXES, MOVES, SAMPLES = ("X1",), 4, 60
+NAMES = ("sensor_gain", "sensor_bias", "asymmetric_friction", "position_dependent_force")
+DECLARED = Model(AXES, 2, ())
+FULL = Model(AXES, 2, tuple(DRIVEN[name](AXES) for name in NAMES))
+PRESENT = cast(Any, SimpleNamespace(model=DECLARED, rms=9.0))
+
+
+class Linear:
+    """A fit of a model whose residuals are linear in all coordinates, at its best: ridge regression in closed form."""
+
+    def __init__(self, truth: NDArray[np.float64], seed: int) -> None:
+        rng = np.random.default_rng(seed)
+        self.model = FULL
+        shared = len(FULL.parameters)
+        of_move = np.kron(np.eye(MOVES), np.ones((SAMPLES, width(FULL))))
+        J = rng.standard_normal((MOVES * SAMPLES, len(truth)))
+        J[:, shared:] *= of_move
+        self.J, self.y = J, J @ truth + 0.01 * rng.standard_normal(len(J))
+        u = np.linalg.solve(J.T @ J + np.eye(len(truth)), J.T @ self.y)
+        self.at = SimpleNamespace(shared=u[:shared], local=(u[shared:].reshape(MOVES, -1),))
+        self.r = J @ u - self.y
+        self.rms = float(np.sqrt(np.mean(self.r**2)))
+
+    @property
+    def slopes(self) -> Any:
+        return SimpleNamespace(dense=lambda: self.J)
+
+
+def coordinates(names: tuple[str, ...]) -> NDArray[np.float64]:
+    """Those of all, and 1 for the amounts of these effects, in every move for what is found again there."""
+    shared = np.zeros(len(FULL.parameters))
+    local = np.zeros((MOVES, width(FULL)))
+    for k, p in enumerate(FULL.parameters):
+        if p.dose and p.name.rpartition(".")[2] in {o.name for n in names for o in DRIVEN[n].own}:
+            shared[k] = 1.0
+    if "sensor_bias" in names:  # a zero that goes its way from move to move, and no straight drift
+        shared[[p.name for p in FULL.parameters].index("X1.bias_drift")] = 0.0
+        local[:, 2] = [1.0, -2.0, 0.5, 1.5]
+    return np.concatenate((shared, local.ravel()))
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("sensor_gain", "asymmetric_friction"),
+        ("asymmetric_friction", "position_dependent_force"),
+        ("sensor_gain", "sensor_bias"),
+    ],
+)
+def test_the_two_without_which_most_would_be_left_come_first(names: tuple[str, str], seed: int) -> None:
+    assert set(ranked(PRESENT, cast(Any, Linear(coordinates(names), seed)), ())[0]) == set(names)
+
+
+def test_beside_one_that_is_given_the_other_is_found() -> None:
+    fit = cast(Any, Linear(coordinates(("sensor_gain", "asymmetric_friction")), 1))
+    assert ranked(PRESENT, fit, ("sensor_gain",))[0] == ("asymmetric_friction", "sensor_gain")
+
+
+def test_pairs_that_are_far_behind_are_not_fitted() -> None:
+    fit = cast(Any, Linear(coordinates(("sensor_gain", "asymmetric_friction")), 1))
+    assert len(ranked(PRESENT, fit, ())) == 1
+
+
+def trial(train: float, held_out: float, *effects: str, limits: tuple[str, ...] = ()) -> Trial[Any]:
+    model = SimpleNamespace(effects=tuple(SimpleNamespace(name=name) for name in effects))
+    fitted = SimpleNamespace(model=model)
+    return Trial(
+        SimpleNamespace(fitted=fitted),
+        train,
+        held_out,
+        np.ones(5),
+        np.zeros(0),
+        100.0,
+        at_limits=limits,
+    )
+
+
+@pytest.mark.parametrize(
+    ("left", "joint", "limits", "all_is_explained"),
+    [
+        ((1.05, 1.1), 1.0, (), True),
+        ((1.05, 1.1), 1.0, ("body_ratio",), False),
+        ((1.18, 1.44), 1.15, (), True),
+        ((1.18, 1.44), 1.15, ("body_ratio",), False),
+        ((1.37, 0.92), 0.94, (), False),
+        ((1.3, 1.7), 1.3, (), False),
+        ((1.59, 1.59), 1.55, (), False),
+    ],
+    ids=[
+        "described",
+        "no such effect",
+        "a law that differs",
+        "that of no such effect",
+        "all at once leave less",
+        "too much is left",
+        "more than a hundredth is left",
+    ],
+)
+def test_two_are_all_where_hardly_anything_is_left(
+    left: tuple[float, float], joint: float, limits: tuple[str, ...], all_is_explained: bool
+) -> None:
+    found = cast(Any, SimpleNamespace(rms=joint))
+    assert are_all(trial(12.0, 11.0), trial(*left, limits=limits), found) is all_is_explained
+
+
+def test_what_a_model_has_more_than_the_one_before() -> None:
+    assert (
+        added(trial(1.0, 1.0, "channel_tolerance"), trial(1.0, 1.0, "channel_tolerance", *NAMES[:2]))
+        == NAMES[:2]
+    )
+
+
+@pytest.mark.parametrize(
+    ("smooth", "beside", "of_smooth", "asked"),
+    [
+        (1.1, 1.0, True, ["smooth"]),
+        (1.1, 1.0, False, ["smooth", "beside", "hung_mass_mode"]),
+        (5.0, 1.0, True, ["beside", "hung_mass_mode"]),
+        (5.0, None, True, ["beside"]),
+    ],
+    ids=["two smooth ones are all", "they are not", "they are far from all", "nothing leads beside them"],
+)
+def test_one_that_is_not_smooth_is_asked_for_where_no_two_smooth_ones_are_all(
+    monkeypatch: pytest.MonkeyPatch, smooth: float, beside: float | None, of_smooth: bool, asked: list[str]
+) -> None:
+    said: list[str] = []
+
+    def one_beside(*_: Any) -> Any:
+        said.append("beside")
+        model = SimpleNamespace(effects=(SimpleNamespace(name="hung_mass_mode"),))
+        return beside and SimpleNamespace(rms=beside, model=model)
+
+    def fitted_pairs(_scene: Any, _before: Any, _found: Any, names: tuple[str, ...], _tell: Any) -> list[str]:
+        said.append(*names or ("smooth",))
+        return ["two"] if names or of_smooth else []
+
+    monkeypatch.setattr(moves_together, "with_all_smooth", lambda *_: SimpleNamespace(rms=smooth))
+    monkeypatch.setattr(moves_together, "with_one_beside", one_beside)
+    monkeypatch.setattr(moves_together, "fitted_pairs", fitted_pairs)
+    pairs(cast(Any, None), trial(9.0, 9.0), (), lambda _text: None)
+    assert said == asked
+
+
+def test_there_are_no_pairs_of_one_effect() -> None:
+    assert pairs(cast(Any, None), cast(Any, a_trial()), [DRIVEN["sensor_gain"]], lambda _text: None) == []
+
+
+def a_trial() -> Any:
+    return SimpleNamespace(model=SimpleNamespace(fitted=SimpleNamespace(model=DECLARED)), train_rms=9.0)
