@@ -25,7 +25,7 @@ from service.identification.held_out import DESCRIBED, Explained, trial_of
 from service.identification.moves_carried import refitted
 from service.identification.moves_end import SOUND, ended, settled
 from service.identification.moves_finals import BEHIND, FINALISTS, described
-from service.identification.moves_looks import best_looks, glimpsed, looked_at, nearest
+from service.identification.moves_looks import ENDED, best_looks, glimpsed, looked_at, nearest
 from service.identification.moves_starts import (
     ROUNDS,
     SUMMED,
@@ -141,10 +141,9 @@ def begun(few: Sequence[Moves], model: Model, place: Values) -> Fitted:
 
 
 def on_all_moves(moves: Sequence[Moves], few: Fitted) -> Fitted:
-    """The model of a fit of a few moves fitted to all, with the motion that it makes, and settled if it is near."""
+    """The model of a fit of a few moves fitted to all, with the motion that it makes."""
     found = fit(moves, few.model, begun_at(moves, few.model, values_at(few)), ROUNDS)
-    found = fit(reconstructed(found), found.model, found.at, ROUNDS)
-    return settled(found, ROUNDS, NO_OTHERS) if found.rms <= SOUND else found
+    return fit(reconstructed(found), found.model, found.at, ROUNDS)
 
 
 def fitted_pairs(
@@ -165,7 +164,8 @@ def fitted_pairs(
     first, *others = sorted(trials, key=distance)
     out = [to_its_end(scene, first)]
     for trial in others:
-        as_near = distance(trial) <= ((1.0 + NEAR) if described(out[0]) else BEHIND) * distance(out[0])
+        behind = 1.0 + NEAR if most_left(out[0]) <= ENDED else BEHIND
+        as_near = distance(trial) <= behind * distance(out[0])
         out.append(to_its_end(scene, trial) if as_near and len(out) < FINALISTS else trial)
     return sorted((t for t in out if are_all(before, t, found)), key=distance)
 
@@ -216,4 +216,5 @@ def with_two(present: Fitted, found: Fitted, names: tuple[str, str]) -> Fitted:
     values = values_at(found)
     best = begun(few, model, {p.name: values[p.name] for p in model.parameters})
     best = across_samples(few, best) if best.rms > UNKNOWN_NUMBERS else best
-    return on_all_moves(found.moves, best)
+    on = on_all_moves(found.moves, best)
+    return settled(on, ROUNDS, NO_OTHERS) if on.rms <= SOUND else on
