@@ -22,10 +22,18 @@ from service.backlash.moves_point import width
 from service.backlash.moves_refined import reconstructed
 from service.dynamics.driven_model import DrivenEffect, Model
 from service.identification.held_out import DESCRIBED, Explained, trial_of
-from service.identification.moves_carried import refitted
-from service.identification.moves_end import SOUND, ended, settled
+from service.identification.moves_carried import FIRST_ROUNDS, refitted
+from service.identification.moves_end import SOUND, ended, led_on, settled
 from service.identification.moves_finals import BEHIND, FINALISTS, described
-from service.identification.moves_looks import ENDED, best_looks, glimpsed, looked_at, nearest
+from service.identification.moves_looks import (
+    ENDED,
+    FROM_AFAR,
+    best_looks,
+    better_half,
+    glimpsed,
+    looked_at,
+    nearest,
+)
 from service.identification.moves_starts import (
     ROUNDS,
     SUMMED,
@@ -68,7 +76,7 @@ def pairs(
 ) -> list[Trial[Explained]]:
     """Fits with two of the library's effects that are all that is missing, the nearest first: two smooth ones, or where
     no such two are all, a smooth one and one that is not."""
-    smooth = with_all_smooth(before.model.fitted, library)
+    smooth = with_all_smooth(scene, before.model.fitted, library)
     if smooth is None:
         return []
     tell(f"all smooth effects together: {smooth.rms:.3f} (now {before.train_rms:.3f})")
@@ -100,14 +108,18 @@ def leads(before: Trial[Explained], rms: float) -> bool:
     return gone(before.train_rms, rms, PART if rms <= LEFT else EXPLAINED)
 
 
-def with_all_smooth(present: Fitted, library: Sequence[type[DrivenEffect]]) -> Fitted | None:
-    """The present model with all smooth effects of the library that it lacks, fitted to all moves; none where there are
-    fewer than two."""
+def with_all_smooth(scene: Scene, present: Fitted, library: Sequence[type[DrivenEffect]]) -> Fitted | None:
+    """The present model with all smooth effects of the library that it lacks, fitted to all moves, from where it stands
+    or, where that does not describe a few moves, from the scene's places; none where there are fewer than two."""
     smooth = tuple(kind(present.model.axes) for kind in library if kind.name not in NOT_SMOOTH)
     if len(smooth) < 2:
         return None
     model = replace(present.model, effects=(*present.model.effects, *smooth))
-    return on_all_moves(present.moves, begun(as_measured(fewer(present)), model, values_at(present)))
+    few = as_measured(fewer(present))
+    best = begun(few, model, values_at(present))
+    if best.rms > DESCRIBED:
+        best = min(best, begun_at_places(few, model, scene), key=lambda f: f.rms)
+    return on_all_moves(present.moves, best)
 
 
 def with_one_beside(
@@ -140,6 +152,19 @@ def begun(few: Sequence[Moves], model: Model, place: Values) -> Fitted:
     return min(tried, key=lambda f: f.rms)
 
 
+def begun_at_places(few: Sequence[Moves], model: Model, scene: Scene) -> Fitted:
+    """The nearest of fits of a few moves begun where the loads' speeds are described best from the scene's places: of
+    these the better half goes on (successive halving)."""
+    found = list[Fitted]()
+    for lasting in SUMMED:
+        speeds = [
+            fit(of_speed(few, lasting), model, point_at(model, place, few), FIRST_ROUNDS)
+            for place in scene.places
+        ]
+        found += [fit(few, model, f.at, FROM_AFAR) for f in better_half(speeds)]
+    return min(found, key=lambda f: f.rms)
+
+
 def on_all_moves(moves: Sequence[Moves], few: Fitted) -> Fitted:
     """The model of a fit of a few moves fitted to all, with the motion that it makes."""
     found = fit(moves, few.model, begun_at(moves, few.model, values_at(few)), ROUNDS)
@@ -162,16 +187,20 @@ def fitted_pairs(
             f"tried {' and '.join(names)}: {trials[-1].train_rms:.3f}, held out {trials[-1].validation_rms:.3f}"
         )
     first, *others = sorted(trials, key=distance)
-    out = [to_its_end(scene, first)]
+    out = [to_its_end(scene, before, first)]
     for trial in others:
         behind = 1.0 + NEAR if most_left(out[0]) <= ENDED else BEHIND
         as_near = distance(trial) <= behind * distance(out[0])
-        out.append(to_its_end(scene, trial) if as_near and len(out) < FINALISTS else trial)
+        out.append(to_its_end(scene, before, trial) if as_near and len(out) < FINALISTS else trial)
     return sorted((t for t in out if are_all(before, t, found)), key=distance)
 
 
-def to_its_end(scene: Scene, trial: Trial[Explained]) -> Trial[Explained]:
-    """The trial, its fit ended if it may be the right one."""
+def to_its_end(scene: Scene, before: Trial[Explained], trial: Trial[Explained]) -> Trial[Explained]:
+    """The trial, its fit led over ridges where it explains nearly all and leaves something, and ended if it may be the
+    right one."""
+    if gone(before.train_rms, trial.train_rms, EXPLAINED) and trial.train_rms > UNKNOWN_NUMBERS:
+        further = led_on(trial.model.fitted)
+        trial = trial if further is trial.model.fitted else trial_of(scene, further)
     return ended(scene, trial) if trial.train_rms <= LEFT and most_left(trial) <= CHANGED else trial
 
 
