@@ -42,6 +42,7 @@ from service.identification.moves_starts import (
     begun_at,
     candidates,
     fewer,
+    fitted_from,
     likely,
     of_speed,
     unanswering,
@@ -189,10 +190,25 @@ def fitted_pairs(
     first, *others = sorted(trials, key=distance)
     out = [to_its_end(scene, before, first)]
     for trial in others:
+        if len(out) == FINALISTS:
+            break
+        likely = nearer_instead(scene, trial, first)
         behind = 1.0 + NEAR if most_left(out[0]) <= ENDED else BEHIND
-        as_near = distance(trial) <= behind * distance(out[0])
-        out.append(to_its_end(scene, before, trial) if as_near and len(out) < FINALISTS else trial)
+        if distance(likely) <= behind * distance(out[0]):
+            out.append(to_its_end(scene, before, likely))
     return sorted((t for t in out if are_all(before, t, found)), key=distance)
+
+
+def nearer_instead(scene: Scene, trial: Trial[Explained], first: Trial[Explained]) -> Trial[Explained]:
+    """The trial, or one that is begun where the nearest pair ended, if that has something in its place which does much
+    the same: a delay and a filter each have a chain on which they describe the moves."""
+    there, held = values_at(first.model.fitted), first.model.fitted.model.effects
+    found = trial.model.fitted
+    numbers = [e.instead(there) for e in found.model.effects if e not in held]
+    if not any(numbers):
+        return trial
+    again = fitted_from(found, there | {k: v for own in numbers for k, v in own.items()}, ROUNDS)
+    return min(trial, trial_of(scene, settled(again, ROUNDS, NO_OTHERS)), key=distance)
 
 
 def to_its_end(scene: Scene, before: Trial[Explained], trial: Trial[Explained]) -> Trial[Explained]:
