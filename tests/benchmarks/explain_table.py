@@ -4,6 +4,7 @@
     python tests/benchmarks/explain_table.py --jobs 2        the same; stopped (Ctrl-C) it prints the table so far,
                                                              started again, it goes on
     python tests/benchmarks/explain_table.py --effects stribeck_friction,clipping --count 2 --clean 0    a glimpse
+    python tests/benchmarks/explain_table.py --effects= --clean 0 --two 10    ten machines with two effects each
     python tests/benchmarks/explain_table.py --folder DIR    pairs NAME-train / -validate / -truth of your own
 
 The captures are made by the generator of `tests/undeclared`, which shares no code with the product; what is planted is
@@ -28,6 +29,8 @@ from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
@@ -176,7 +179,8 @@ def tabulate(rows: Sequence[Record]) -> None:
 
 def made(options: argparse.Namespace) -> list[Path]:
     """The truth files of the campaign, made where they are not there yet; one machine of every kind after another."""
-    kinds = dict.fromkeys(options.effects.split(","), options.count)
+    kinds = dict.fromkeys(filter(None, options.effects.split(",")), options.count)
+    kinds |= dict.fromkeys(two_each(options.two, options.seed), 1)
     kinds |= dict.fromkeys(CLEAN, options.clean // len(CLEAN)) if options.clean else {}
     files = []
     for kind, count in kinds.items():
@@ -189,6 +193,12 @@ def made(options: argparse.Namespace) -> list[Path]:
             (folder / "done").touch()
         files += list(folder.glob("*-truth.json"))
     return sorted(files, key=lambda path: (path.name.rsplit("-", 2)[1], path.name))
+
+
+def two_each(count: int, seed: int) -> list[str]:
+    """Kinds with two effects of the library at once, drawn at random; the same two may come again, and count once."""
+    rng = np.random.default_rng(seed)
+    return ["+".join(rng.choice(list(LIBRARY), 2, replace=False)) for _ in range(count)]
 
 
 def complete(truth: Path) -> bool:
@@ -223,6 +233,7 @@ def parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
     )
     parser.add_argument("--effects", default=",".join(EFFECTS), help="to plant")
     parser.add_argument("--count", type=int, default=10, help="machines of each effect")
+    parser.add_argument("--two", type=int, default=0, help="machines with two effects of the library at once")
     parser.add_argument("--clean", type=int, default=50, help="clean machines")
     parser.add_argument("--seed", type=int, default=1, help="of the generator; another one, other machines")
     parser.add_argument("--any-sensors", action="store_true", help="slow, noisy and lossy ones, too")

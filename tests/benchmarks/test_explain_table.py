@@ -11,6 +11,7 @@ import pytest
 from tests.benchmarks import explain_table
 from tests.benchmarks.measuring import Record, fingerprint
 from tests.undeclared import generate
+from tests.undeclared.effects import LIBRARY
 from tests.undeclared.machine import Steps
 
 
@@ -138,3 +139,12 @@ def test_one_machine_of_every_kind_comes_after_the_other(
 def test_every_effect_of_the_generator_is_planted() -> None:
     for kind in explain_table.EFFECTS:
         assert generate.cases(generate.Campaign(kind, 10, 1, pairs=True), 0)
+
+
+def test_two_effects_at_once_are_two_of_the_library_and_the_same_for_a_seed() -> None:
+    kinds = explain_table.two_each(20, 7)
+    assert kinds == explain_table.two_each(20, 7)
+    assert kinds != explain_table.two_each(20, 8)
+    for one, other in (kind.split("+") for kind in kinds):
+        assert one != other
+        assert {one, other} <= set(LIBRARY)
