@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 
@@ -81,14 +81,14 @@ def pairs(
     if smooth is None:
         return []
     tell(f"all smooth effects together: {smooth.rms:.3f} (now {before.train_rms:.3f})")
-    if leads(before, smooth.rms) and (found := fitted_pairs(scene, before, smooth, (), tell)):
+    if leads(before, smooth.rms) and (found := fitted_pairs(scene, before, smooth, (), library, tell)):
         return found
     other = with_one_beside(scene, before, smooth, library)
     if other is None:
         return []
     beside = other.model.effects[-1].name
     tell(f"with {beside} beside them: {other.rms:.3f}")
-    return fitted_pairs(scene, before, other, (beside,), tell)
+    return fitted_pairs(scene, before, other, (beside,), library, tell)
 
 
 def are_all(before: Trial[Explained], trial: Trial[Explained], found: Fitted) -> bool:
@@ -177,6 +177,7 @@ def fitted_pairs(
     before: Trial[Explained],
     found: Fitted,
     beside: tuple[str, ...],
+    library: Sequence[type[DrivenEffect]],
     tell: Callable[[str], None],
 ) -> list[Trial[Explained]]:
     """The pairs of effects of a fit with many that are needed most, fitted, the nearest first; those of the nearest are
@@ -189,14 +190,28 @@ def fitted_pairs(
         )
     first, *others = sorted(trials, key=distance)
     out = [to_its_end(scene, before, first)]
-    for trial in others:
-        if len(out) == FINALISTS:
-            break
-        likely = nearer_instead(scene, trial, first)
+    for trial in (*exchanged(scene, first, library), *(nearer_instead(scene, t, first) for t in others)):
         behind = 1.0 + NEAR if most_left(out[0]) <= ENDED else BEHIND
-        if distance(likely) <= behind * distance(out[0]):
-            out.append(to_its_end(scene, before, likely))
+        if len(out) < FINALISTS and distance(trial) <= behind * distance(out[0]):
+            out.append(to_its_end(scene, before, trial))
     return sorted((t for t in out if are_all(before, t, found)), key=distance)
+
+
+def exchanged(
+    scene: Scene, first: Trial[Explained], library: Sequence[type[DrivenEffect]]
+) -> list[Trial[Explained]]:
+    """The nearest pair with one of its effects exchanged for one that does nearly the same, and that is not among the
+    smooth ones for that; begun where it ended. None where it is as near as a right one comes."""
+    found, out = first.model.fitted, list[Trial[Explained]]()
+    there, effects = values_at(found), found.model.effects
+    others = [kind(found.model.axes) for kind in library if kind.name in NOT_SMOOTH]
+    if most_left(first) <= ENDED:
+        return out
+    for k, other in product(range(len(effects)), others):
+        if other.name in effects[k].nearly:
+            model = replace(found.model, effects=(*effects[:k], other, *effects[k + 1 :]))
+            out.append(begun_as(scene, replace(found, model=model), {**there, **other.instead(there)}))
+    return out
 
 
 def nearer_instead(scene: Scene, trial: Trial[Explained], first: Trial[Explained]) -> Trial[Explained]:
@@ -207,8 +222,13 @@ def nearer_instead(scene: Scene, trial: Trial[Explained], first: Trial[Explained
     numbers = [e.instead(there) for e in found.model.effects if e not in held]
     if not any(numbers):
         return trial
-    again = fitted_from(found, there | {k: v for own in numbers for k, v in own.items()}, ROUNDS)
-    return min(trial, trial_of(scene, settled(again, ROUNDS, NO_OTHERS)), key=distance)
+    values = there | {name: value for own in numbers for name, value in own.items()}
+    return min(trial, begun_as(scene, found, values), key=distance)
+
+
+def begun_as(scene: Scene, found: Fitted, values: Values) -> Trial[Explained]:
+    """The trial of the model of a fit that is begun with these values."""
+    return trial_of(scene, settled(fitted_from(found, values, ROUNDS), ROUNDS, NO_OTHERS))
 
 
 def to_its_end(scene: Scene, before: Trial[Explained], trial: Trial[Explained]) -> Trial[Explained]:

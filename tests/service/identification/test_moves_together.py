@@ -149,7 +149,7 @@ def test_one_that_is_not_smooth_is_asked_for_where_no_two_smooth_ones_are_all(
         model = SimpleNamespace(effects=(SimpleNamespace(name="hung_mass_mode"),))
         return beside and SimpleNamespace(rms=beside, model=model)
 
-    def fitted_pairs(_scene: Any, _before: Any, _found: Any, names: tuple[str, ...], _tell: Any) -> list[str]:
+    def fitted_pairs(_scene: Any, _before: Any, _found: Any, names: tuple[str, ...], *_: Any) -> list[str]:
         said.append(*names or ("smooth",))
         return ["two"] if names or of_smooth else []
 
