@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -13,9 +14,11 @@ from service.backlash.moves_point import width
 from service.dynamics.driven_model import Model
 from service.dynamics.effects.driven_library import DRIVEN
 from service.identification import moves_together
-from service.identification.moves_together import added, are_all, pairs, ranked
+from service.identification.moves_together import added, are_all, exchanged, nearer_instead, pairs, ranked
 from service.identification.selection import Trial
 
+Begun = list[tuple[tuple[str, ...], dict[str, float]]]
+"""The effects of each fit that is begun, and its values."""
 AXES, MOVES, SAMPLES = ("X1",), 4, 60
 NAMES = ("sensor_gain", "sensor_bias", "asymmetric_friction", "position_dependent_force")
 DECLARED = Model(AXES, 2, ())
@@ -166,3 +169,74 @@ def test_there_are_no_pairs_of_one_effect() -> None:
 
 def a_trial() -> Any:
     return SimpleNamespace(model=SimpleNamespace(fitted=SimpleNamespace(model=DECLARED)), train_rms=9.0)
+
+
+@dataclass(frozen=True)
+class OfModel:
+    """A fit of which only the model counts."""
+
+    model: Model
+
+
+def of(names: tuple[str, ...], left: float) -> Trial[Any]:
+    fitted = OfModel(Model(AXES, 2, tuple(DRIVEN[name](AXES) for name in names)))
+    return Trial(SimpleNamespace(fitted=fitted), left, left, np.ones(5), np.zeros(0), 100.0)
+
+
+def begun(
+    monkeypatch: pytest.MonkeyPatch, left: float, late: float = 2e-3
+) -> list[tuple[tuple[str, ...], dict[str, float]]]:
+    """What is begun with which values; it leaves so much. Such a delay [s] was found."""
+    said: Begun = []
+
+    def begun_as(_scene: Any, found: OfModel, values: dict[str, float]) -> Trial[Any]:
+        names = tuple(effect.name for effect in found.model.effects)
+        said.append((names, values))
+        return of(names, left)
+
+    monkeypatch.setattr(moves_together, "begun_as", begun_as)
+    monkeypatch.setattr(moves_together, "values_at", lambda _found: {"X1.latency": late, "X1.bend": 0.4})
+    return said
+
+
+def test_a_filter_is_begun_where_a_delay_ended_beside_the_same_other_effect(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    said = begun(monkeypatch, 1.0)
+    first = of(("sensor_latency", "contact_nonlinearity"), 2.2)
+    (trial,) = exchanged(cast(Any, None), first, list(DRIVEN.values()))
+    ((names, values),) = said
+    assert names == ("sensor_filter", "contact_nonlinearity")
+    assert (values["X1.filter_delay"], values["X1.bend"]) == (2e-3, 0.4)
+    assert trial.train_rms == 1.0
+
+
+def test_nothing_is_exchanged_where_a_pair_is_as_near_as_a_right_one_comes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    begun(monkeypatch, 1.0)
+    assert (
+        exchanged(cast(Any, None), of(("sensor_latency", "contact_nonlinearity"), 1.0), list(DRIVEN.values()))
+        == []
+    )
+
+
+@pytest.mark.parametrize(("left", "taken"), [(1.0, "begun there"), (3.0, "its own")])
+def test_what_does_much_the_same_is_begun_where_the_nearest_pair_ended(
+    monkeypatch: pytest.MonkeyPatch, left: float, taken: str
+) -> None:
+    """A filter of the drive's speed makes the load seem early."""
+    said = begun(monkeypatch, left, late=-2e-3)
+    own = of(("speed_filter", "position_dependent_force"), 1.3)
+    trial = nearer_instead(cast(Any, None), own, of(("sensor_latency", "position_dependent_force"), 1.03))
+    ((_, values),) = said
+    assert values["X1.filter_time"] == 2e-3
+    assert (trial is own) == (taken == "its own")
+
+
+def test_what_does_something_else_is_not_begun_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    said = begun(monkeypatch, 1.0)
+    own = of(("sensor_gain", "position_dependent_force"), 1.3)
+    first = of(("sensor_latency", "position_dependent_force"), 1.03)
+    assert nearer_instead(cast(Any, None), own, first) is own
+    assert not said
