@@ -274,9 +274,10 @@ def searched(
     first: Sequence[type[DrivenEffect]] = (),
     but: Sequence[type[DrivenEffect]] = (),
 ) -> Selection[Explained]:
-    """What is found in the library, `but` for some, one after the other, or two that are found together only; with
-    `first`, of which there is other evidence, begun with nothing else and however little is missing. Where it ends
-    unknown, what every sound machine has may be all, if that was not asked before."""
+    """What is found in the library, `but` for some, one after the other, or two that are found together only,
+    where it ends unknown or with more left than how a law differs; with `first`, of which there is other evidence,
+    begun with nothing else and however little is missing. Where it ends unknown, what every sound machine has may be
+    all, if that was not asked before."""
     held = {effect.name for effect in before.model.fitted.model.effects} | {kind.name for kind in but}
     library = tuple(kind for kind in DRIVEN.values() if kind.name not in held)
     found = selected(
@@ -288,12 +289,13 @@ def searched(
         tell,
         replace(limits, enough=0.0) if first else limits,
     )
-    if first or finding_of(found)[0] != "unknown":
+    if first or (finding_of(found)[0] != "unknown" and left(found.after) <= FURTHER[1]):
         return found
     if left(before) > FURTHER[1]:
         found = with_two(scene, before, found, library, tell)
-    if finding_of(found)[0] == "unknown":
-        found = in_company(scene, before, found, library, tell)
+    if finding_of(found)[0] != "unknown":
+        return found
+    found = in_company(scene, before, found, library, tell)
     if asked_of_impurities(scene, before) or finding_of(found)[0] != "unknown":
         return found
     return only_impurities(with_impurities(scene, before, tell)) or found
