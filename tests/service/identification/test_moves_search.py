@@ -175,3 +175,34 @@ def test_what_was_spared_its_strong_starts_has_them_where_another_only_imitates_
     if first:
         assert trials["right"].train_rms == (1.0 if len(asked) == 2 else 1.9)
         assert trials["imitator"].train_rms == 1.0
+
+
+@pytest.mark.parametrize(("left", "to_the_end"), [(1.9, True), (2.1, False)])
+def test_the_model_without_one_of_its_effects_is_ended_unless_it_is_far_off(
+    monkeypatch: pytest.MonkeyPatch, left: float, to_the_end: bool
+) -> None:
+    effects = tuple(DRIVEN[name](("X1",)) for name in ("sensor_bias", "sensor_gain"))
+    model = Model(("X1",), 2, effects)
+    numbers = np.arange(float(len(model.parameters)))
+    local = np.arange(6.0).reshape(2, 3)
+    found: Any = SimpleNamespace(
+        rms=1.0, moves=(), model=model, at=SimpleNamespace(shared=numbers, local=(local,))
+    )
+    begun: list[Any] = []
+
+    def fit(_moves: Any, without: Model, at: Any, _rounds: int) -> Any:
+        begun.append((without, at))
+        return SimpleNamespace(rms=left)
+
+    monkeypatch.setattr(moves_search, "fit", fit)
+    monkeypatch.setattr(moves_search, "settled", lambda again, _rounds: again)
+    monkeypatch.setattr(moves_search, "trial_of", lambda *_, **__: "a trial")
+    monkeypatch.setattr(moves_search, "ended", lambda *_: "an ended trial")
+    trial: Any = SimpleNamespace(model=SimpleNamespace(fitted=found))
+    out: Any = moves_search.without(cast(Any, None), trial, "sensor_bias")
+    assert out == ("an ended trial" if to_the_end else "a trial")
+    ((without, at),) = begun
+    gone = [p.name for p in model.parameters].index("X1.bias_drift")
+    assert [e.name for e in without.effects] == ["sensor_gain"]
+    assert at.shared.tolist() == [n for k, n in enumerate(numbers) if k != gone]
+    assert at.local[0].tolist() == local[:, :2].tolist()
