@@ -184,7 +184,7 @@ def fitted_pairs(
     ended that may be all, until one is and the next is not as near."""
     trials = list[Trial[Explained]]()
     for names in ranked(before.model.fitted, found, beside)[:PAIRS]:
-        trials.append(trial_of(scene, with_two(before.model.fitted, found, names)))
+        trials.append(trial_of(scene, fitted_two(before.model.fitted, found, names)))
         tell(
             f"tried {' and '.join(names)}: {trials[-1].train_rms:.3f}, held out {trials[-1].validation_rms:.3f}"
         )
@@ -273,7 +273,7 @@ def own_covariance(found: Fitted) -> FloatArray:
     return np.asarray(np.linalg.inv(J.T @ J + np.eye(J.shape[1])))
 
 
-def with_two(present: Fitted, found: Fitted, names: tuple[str, str]) -> Fitted:
+def fitted_two(present: Fitted, found: Fitted, names: tuple[str, str]) -> Fitted:
     """The present model with two effects of a fit with many, begun with the numbers that they have there."""
     effects = [next(e for e in found.model.effects if e.name == name) for name in names]
     model = replace(present.model, effects=(*present.model.effects, *effects), lumps=found.model.lumps)
