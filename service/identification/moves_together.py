@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from itertools import combinations, product
+from itertools import chain, combinations, product
 
 import numpy as np
 
@@ -190,10 +190,13 @@ def fitted_pairs(
         )
     first, *others = sorted(trials, key=distance)
     out = [to_its_end(scene, before, first)]
-    for trial in (*exchanged(scene, first, library), *(nearer_instead(scene, t, first) for t in others)):
+    likely_too = (nearer_instead(scene, trial, first) for trial in others)
+    for trial in chain(exchanged(scene, first, library), likely_too):
         behind = 1.0 + NEAR if most_left(out[0]) <= ENDED else BEHIND
-        if len(out) < FINALISTS and distance(trial) <= behind * distance(out[0]):
+        if distance(trial) <= behind * distance(out[0]):
             out.append(to_its_end(scene, before, trial))
+        if len(out) == FINALISTS:
+            break
     return sorted((t for t in out if are_all(before, t, found)), key=distance)
 
 
@@ -202,11 +205,11 @@ def exchanged(
 ) -> list[Trial[Explained]]:
     """The nearest pair with one of its effects exchanged for one that does nearly the same, and that is not among the
     smooth ones for that; begun where it ended. None where it is as near as a right one comes."""
+    if most_left(first) <= ENDED:
+        return []
     found, out = first.model.fitted, list[Trial[Explained]]()
     there, effects = values_at(found), found.model.effects
     others = [kind(found.model.axes) for kind in library if kind.name in NOT_SMOOTH]
-    if most_left(first) <= ENDED:
-        return out
     for k, other in product(range(len(effects)), others):
         if other.name in effects[k].nearly:
             model = replace(found.model, effects=(*effects[:k], other, *effects[k + 1 :]))
@@ -276,7 +279,7 @@ def own_covariance(found: Fitted) -> FloatArray:
 def fitted_two(present: Fitted, found: Fitted, names: tuple[str, str]) -> Fitted:
     """The present model with two effects of a fit with many, begun with the numbers that they have there."""
     effects = [next(e for e in found.model.effects if e.name == name) for name in names]
-    model = replace(present.model, effects=(*present.model.effects, *effects), lumps=found.model.lumps)
+    model = replace(present.model, effects=(*present.model.effects, *effects))
     few = unanswering(fewer(found))
     values = values_at(found)
     best = begun(few, model, {p.name: values[p.name] for p in model.parameters})

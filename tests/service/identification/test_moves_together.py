@@ -240,3 +240,35 @@ def test_what_does_something_else_is_not_begun_there(monkeypatch: pytest.MonkeyP
     first = of(("sensor_latency", "position_dependent_force"), 1.03)
     assert nearer_instead(cast(Any, None), own, first) is own
     assert not said
+
+
+@pytest.mark.parametrize(
+    ("nearest", "second", "ended", "asked"),
+    [(1.0, 1.02, 2, 1), (1.0, 1.1, 1, 2), (1.1, 1.2, 2, 1)],
+    ids=["as near", "the first is as near as a right one comes", "the first is not"],
+)
+def test_the_nearest_pairs_are_ended_and_what_comes_after_them_is_left(
+    monkeypatch: pytest.MonkeyPatch, nearest: float, second: float, ended: int, asked: int
+) -> None:
+    left = {("c", "d"): second, ("a", "b"): nearest, ("e", "f"): 9.0}
+    trials = {names: of(("sensor_gain", "sensor_bias"), rms) for names, rms in left.items()}
+    said: list[str] = []
+
+    def nearer(_scene: Any, trial: Trial[Any], _first: Any) -> Trial[Any]:
+        said.append("asked")
+        return trial
+
+    def to_its_end(_scene: Any, _before: Any, trial: Trial[Any]) -> Trial[Any]:
+        said.append("ended")
+        return trial
+
+    monkeypatch.setattr(moves_together, "ranked", lambda *_: list(trials))
+    monkeypatch.setattr(moves_together, "fitted_two", lambda _present, _found, names: names)
+    monkeypatch.setattr(moves_together, "trial_of", lambda _scene, names: trials[names])
+    monkeypatch.setattr(moves_together, "exchanged", lambda *_: [])
+    monkeypatch.setattr(moves_together, "nearer_instead", nearer)
+    monkeypatch.setattr(moves_together, "to_its_end", to_its_end)
+    monkeypatch.setattr(moves_together, "are_all", lambda *_: True)
+    out = moves_together.fitted_pairs(cast(Any, None), a_trial(), cast(Any, None), (), (), lambda _text: None)
+    assert out[0] is trials["a", "b"]
+    assert (len(out), said.count("ended"), said.count("asked")) == (ended, ended, asked)
