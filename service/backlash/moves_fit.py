@@ -144,18 +144,27 @@ def damped(H: FloatArray, g: FloatArray, dampings: FloatArray) -> FloatArray:
     return np.asarray(steps * np.minimum(1.0, 2.0 / np.max(np.abs(steps), axis=-1, keepdims=True)))
 
 
-def own_information(
-    part: Moves, model: Model, shared: FloatArray, own: FloatArray, here: FloatArray, scale: float
-) -> tuple[FloatArray, FloatArray]:
-    """Information (T, L, L) and gradient (T, L) of every move's own coordinates (T, L), its residuals `here` (N,)."""
-    L, begins = own.shape[1], part.ends[:-1]
+def own_slopes(
+    part: Moves, model: Model, shared: FloatArray, own: FloatArray, here: FloatArray
+) -> FloatArray:
+    """Derivative (N, L) of a recording's residuals, `here` (N,), with respect to every move's own coordinates
+    (T, L)."""
+    L = own.shape[1]
     lanes = np.tile(own, (L, 1, 1))
     for j in range(L):
         lanes[j, :, j] += DIFFERENCE
-    slopes = np.nan_to_num((misfits(part, model, np.tile(shared, (L, 1)), lanes) - here) / DIFFERENCE)
-    H = np.add.reduceat(slopes[:, None] * slopes, begins, axis=-1) / scale**2
-    g = np.add.reduceat(slopes * np.nan_to_num(here), begins, axis=-1) / scale**2
-    return np.moveaxis(H, -1, 0) + np.eye(L), g.T + own
+    return np.asarray((misfits(part, model, np.tile(shared, (L, 1)), lanes) - here).T / DIFFERENCE)
+
+
+def own_information(
+    part: Moves, slopes: FloatArray, own: FloatArray, here: FloatArray, scale: float
+) -> tuple[FloatArray, FloatArray]:
+    """Information (T, L, L) and gradient (T, L) of every move's own coordinates (T, L), by the `slopes` (N, L) of its
+    residuals `here` (N,)."""
+    begins, rows = part.ends[:-1], np.nan_to_num(slopes.T)
+    H = np.add.reduceat(rows[:, None] * rows, begins, axis=-1) / scale**2
+    g = np.add.reduceat(rows * np.nan_to_num(here), begins, axis=-1) / scale**2
+    return np.moveaxis(H, -1, 0) + np.eye(own.shape[1]), g.T + own
 
 
 def own_step(
@@ -164,12 +173,14 @@ def own_step(
     shared: FloatArray,
     own: FloatArray,
     here: FloatArray,
+    slopes: FloatArray,
     scale: float,
     dampings: FloatArray,
 ) -> tuple[FloatArray, FloatArray, NDArray[np.int64], float]:
-    """One step of every move's own coordinates (T, L), with that of the `dampings` (D, T) which suits the move: the
-    coordinates and residuals (N,) then, which damping it was, -1 where none gained, and what was gained of cost."""
-    H, g = own_information(part, model, shared, own, here, scale)
+    """One step of every move's own coordinates (T, L) by these `slopes` (N, L) of its residuals `here` (N,), with that
+    of the `dampings` (D, T) which suits the move: the coordinates and residuals (N,) then, which damping it was, -1
+    where none gained, and what was gained of cost."""
+    H, g = own_information(part, slopes, own, here, scale)
     tried = np.concatenate((own[None], np.clip(own + damped(H, g, dampings), -OWN_FAR, OWN_FAR)))
     said = misfits(part, model, np.tile(shared, (len(dampings), 1)), tried[1:])
     said = np.concatenate((here[None], said))
@@ -182,18 +193,28 @@ def own_step(
 
 
 def settle_locally(
-    moves: Sequence[Moves], model: Model, at: Point, scale: float, known: FloatArray
+    moves: Sequence[Moves],
+    model: Model,
+    at: Point,
+    scale: float,
+    known: FloatArray,
+    slopes: FloatArray | None = None,
 ) -> tuple[Point, FloatArray]:
     """One step of every move's own coordinates, the shared ones held: each move with the damping that suits it.
 
-    `known` and what is returned with the point are the residuals there (N,).
+    `known` and what is returned with the point are the residuals there (N,); `slopes` (N, L) are their derivatives,
+    there or close by, if they are at hand: every move takes a step only if it gains.
     """
     local, rows = [], []
+    begin = 0
     for part, own, here in zip(moves, at.local, of_recordings(moves, known), strict=True):
+        end = begin + part.ends[-1]
+        near = own_slopes(part, model, at.shared, own, here) if slopes is None else slopes[begin:end]
         dampings = np.tile(OWN_LADDER[:, None], len(own))
-        own, here, _, _ = own_step(part, model, at.shared, own, here, scale, dampings)
+        own, here, _, _ = own_step(part, model, at.shared, own, here, near, scale, dampings)
         local.append(own)
         rows.append(here)
+        begin = end
     return replace(at, local=tuple(local)), np.concatenate(rows)
 
 
@@ -216,8 +237,9 @@ def fit_each(moves: Sequence[Moves], model: Model, at: Point, rounds: int, toler
             local, rows = list(at.local), of_recordings(moves, r)
             for k, part in enumerate(moves):
                 tried = dampings[k] * EACH_LADDER[:, None]
+                slopes = own_slopes(part, model, at.shared, local[k], rows[k])
                 local[k], rows[k], which, gain = own_step(
-                    part, model, at.shared, local[k], rows[k], scale, tried
+                    part, model, at.shared, local[k], rows[k], slopes, scale, tried
                 )
                 kept = tried[which, np.arange(len(which))]
                 dampings[k] = np.clip(np.where(which < 0, 100.0 * dampings[k], kept), 1e-6, 1e6)
@@ -264,7 +286,7 @@ def fit(
             else:
                 damping *= 1e4
             gained = costs[best] < before
-            at, r = settle_locally(moves, model, at, scale, r)
+            at, r = settle_locally(moves, model, at, scale, r, J.own)
             if before - cost(at, r, scale, free) < tolerance and (gained or damping > 1e3):
                 break
     return fitted(moves, model, at, r, free, of_samples)

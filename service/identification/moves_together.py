@@ -23,9 +23,10 @@ from service.backlash.moves_refined import reconstructed
 from service.dynamics.driven_model import DrivenEffect, Model
 from service.identification.held_out import DESCRIBED, Explained, trial_of
 from service.identification.moves_carried import FIRST_ROUNDS, refitted
-from service.identification.moves_end import SOUND, ended, led_on, settled
+from service.identification.moves_end import RIDGE, SOUND, ended, led_on, settled
 from service.identification.moves_finals import BEHIND, FINALISTS, described
 from service.identification.moves_looks import (
+    AS_NEAR,
     ENDED,
     FROM_AFAR,
     best_looks,
@@ -55,6 +56,7 @@ from service.identification.selection import (
     NEAR,
     PART,
     UNKNOWN_NUMBERS,
+    WHOLLY,
     Trial,
     distance,
     gone,
@@ -93,9 +95,15 @@ def pairs(
 
 def are_all(before: Trial[Explained], trial: Trial[Explained], found: Fitted) -> bool:
     """Whether two effects of a fit with many describe all moves, or leave not much, however their laws differ from the
-    machine's, a hundredth of what is missing without them, and hardly more than all of them do."""
-    whole = most_left(trial) <= LEFT and gone_from_all(before, trial, ALL_BUT) and not trial.at_limits
-    return described(trial) or (whole and trial.train_rms <= (1.0 + NEAR) * found.rms)
+    machine's: next to all is gone that is missing without them, and the moves that were fitted are described; or all
+    but a hundredth is, and they leave hardly more of these than all effects do."""
+    if described(trial):
+        return True
+    if most_left(trial) > LEFT or trial.at_limits:
+        return False
+    if trial.train_rms <= DESCRIBED:
+        return gone_from_all(before, trial, WHOLLY)
+    return gone_from_all(before, trial, ALL_BUT) and trial.train_rms <= (1.0 + NEAR) * found.rms
 
 
 def added(before: Trial[Explained], trial: Trial[Explained]) -> tuple[str, ...]:
@@ -107,6 +115,11 @@ def added(before: Trial[Explained], trial: Trial[Explained]) -> tuple[str, ...]:
 def leads(before: Trial[Explained], rms: float) -> bool:
     """Whether many effects together explain so much that two of them may be all."""
     return gone(before.train_rms, rms, PART if rms <= LEFT else EXPLAINED)
+
+
+def may_be_all(before: Trial[Explained], rms: float) -> bool:
+    """Whether two effects that leave so much of a few moves may be all, once they are fitted to all moves."""
+    return rms <= AS_NEAR * DESCRIBED or gone(before.train_rms, rms, WHOLLY)
 
 
 def with_all_smooth(scene: Scene, present: Fitted, library: Sequence[type[DrivenEffect]]) -> Fitted | None:
@@ -182,17 +195,24 @@ def fitted_pairs(
 ) -> list[Trial[Explained]]:
     """The pairs of effects of a fit with many that are needed most, fitted, the nearest first; those of the nearest are
     ended that may be all, until one is and the next is not as near."""
+    few = unanswering(fewer(found))
+    pairs = ranked(before.model.fitted, found, beside)[:PAIRS]
+    two = {names: begun_two(before.model.fitted, found, names, few) for names in pairs}
+    least = min(f.rms for f in two.values())
+    if not may_be_all(before, least):
+        return []
     trials = list[Trial[Explained]]()
-    for names in ranked(before.model.fitted, found, beside)[:PAIRS]:
-        trials.append(trial_of(scene, fitted_two(before.model.fitted, found, names)))
-        tell(
-            f"tried {' and '.join(names)}: {trials[-1].train_rms:.3f}, held out {trials[-1].validation_rms:.3f}"
-        )
+    for names in pairs:
+        if two[names].rms <= AS_NEAR * least:
+            trials.append(trial_of(scene, fitted_two(found.moves, two[names])))
+            of_all, held = trials[-1].train_rms, trials[-1].validation_rms
+            tell(f"tried {' and '.join(names)}: {of_all:.3f}, held out {held:.3f}")
     first, *others = sorted(trials, key=distance)
     out = [to_its_end(scene, before, first)]
     likely_too = (nearer_instead(scene, trial, first) for trial in others)
     for trial in chain(exchanged(scene, first, library), likely_too):
         behind = 1.0 + NEAR if most_left(out[0]) <= ENDED else BEHIND
+        behind = behind if most_left(out[0]) <= LEFT else RIDGE
         if distance(trial) <= behind * distance(out[0]):
             out.append(to_its_end(scene, before, trial))
         if len(out) == FINALISTS:
@@ -276,13 +296,17 @@ def own_covariance(found: Fitted) -> FloatArray:
     return np.asarray(np.linalg.inv(J.T @ J + np.eye(J.shape[1])))
 
 
-def fitted_two(present: Fitted, found: Fitted, names: tuple[str, str]) -> Fitted:
-    """The present model with two effects of a fit with many, begun with the numbers that they have there."""
+def begun_two(present: Fitted, found: Fitted, names: tuple[str, str], few: Sequence[Moves]) -> Fitted:
+    """The present model with two effects of a fit with many, begun with the numbers that they have there, and fitted to
+    a few moves."""
     effects = [next(e for e in found.model.effects if e.name == name) for name in names]
     model = replace(present.model, effects=(*present.model.effects, *effects))
-    few = unanswering(fewer(found))
     values = values_at(found)
-    best = begun(few, model, {p.name: values[p.name] for p in model.parameters})
-    best = across_samples(few, best) if best.rms > UNKNOWN_NUMBERS else best
-    on = on_all_moves(found.moves, best)
+    return begun(few, model, {p.name: values[p.name] for p in model.parameters})
+
+
+def fitted_two(moves: Sequence[Moves], few: Fitted) -> Fitted:
+    """A fit of two effects to a few moves led on to all."""
+    best = across_samples(few.moves, few) if few.rms > UNKNOWN_NUMBERS else few
+    on = on_all_moves(moves, best)
     return settled(on, ROUNDS, NO_OTHERS) if on.rms <= SOUND else on

@@ -58,6 +58,24 @@ def test_each_move_is_settled_by_itself(found: Fitted) -> None:
     assert per_move[3] < 1.5 * np.median(per_move)
 
 
+def test_a_move_takes_a_step_by_slopes_that_are_at_hand_only_if_it_gains(found: Fitted) -> None:
+    """By those of the fit, a little off, a move is brought back; by such as lead away it stays where it is."""
+    local = found.at.local[0].copy()
+    local[3, 0] += 0.02
+    at = replace(found.at, local=(local,))
+    moves: Moves = found.moves[0]
+    r = residuals(moves, predict(moves, found.model, at.shared[None], at.local[0][None]))[0]
+    slopes = found.slopes.own
+    away, _ = settle_locally(found.moves, found.model, at, 1.0, r, -slopes)
+    np.testing.assert_array_equal(away.local[0][3], local[3])
+    squares = [float(r @ r)]
+    for _ in range(4):
+        at, r = settle_locally(found.moves, found.model, at, 1.0, r, slopes)
+        squares.append(float(r @ r))
+    assert abs(at.local[0][3, 0] - found.at.local[0][3, 0]) < 0.5 * 0.02
+    assert squares == sorted(squares, reverse=True)
+
+
 def test_without_shared_coordinates_every_move_is_fitted_by_itself(found: Fitted) -> None:
     """Moves begun wrong by different amounts, none by so much that it would be on another flank, each end where an
     optimizer of another kind finds no better place for its coordinates."""

@@ -107,6 +107,9 @@ def trial(train: float, held_out: float, *effects: str, limits: tuple[str, ...] 
         ((1.37, 0.92), 0.94, (), False),
         ((1.3, 1.7), 1.3, (), False),
         ((1.59, 1.59), 1.55, (), False),
+        ((1.0, 1.5), 0.98, (), True),
+        ((1.0, 1.5), 0.98, ("body_ratio",), False),
+        ((1.0, 1.7), 0.98, (), False),
     ],
     ids=[
         "described",
@@ -116,6 +119,9 @@ def trial(train: float, held_out: float, *effects: str, limits: tuple[str, ...] 
         "all at once leave less",
         "too much is left",
         "more than a hundredth is left",
+        "numbers that the fitted moves do not tell well",
+        "that of no such effect",
+        "too much is left of the others",
     ],
 )
 def test_two_are_all_where_hardly_anything_is_left(
@@ -242,33 +248,82 @@ def test_what_does_something_else_is_not_begun_there(monkeypatch: pytest.MonkeyP
     assert not said
 
 
-@pytest.mark.parametrize(
-    ("nearest", "second", "ended", "asked"),
-    [(1.0, 1.02, 2, 1), (1.0, 1.1, 1, 2), (1.1, 1.2, 2, 1)],
-    ids=["as near", "the first is as near as a right one comes", "the first is not"],
-)
-def test_the_nearest_pairs_are_ended_and_what_comes_after_them_is_left(
-    monkeypatch: pytest.MonkeyPatch, nearest: float, second: float, ended: int, asked: int
-) -> None:
-    left = {("c", "d"): second, ("a", "b"): nearest, ("e", "f"): 9.0}
-    trials = {names: of(("sensor_gain", "sensor_bias"), rms) for names, rms in left.items()}
-    said: list[str] = []
+PAIR = ("sensor_gain", "sensor_bias")
+
+
+def fitted_of(
+    monkeypatch: pytest.MonkeyPatch, few: dict[str, float], left: dict[str, float], before: float = 9.0
+) -> tuple[list[Trial[Any]], list[str], dict[str, Trial[Any]]]:
+    """The pairs that are fitted, what was done with which of them, and the trials of all, by what each leaves of a few
+    moves and of all, and what is left without them."""
+    trials, said = {name: of(PAIR, rms) for name, rms in left.items()}, list[str]()
+    names = {id(trial): name for name, trial in trials.items()}
 
     def nearer(_scene: Any, trial: Trial[Any], _first: Any) -> Trial[Any]:
-        said.append("asked")
+        said.append(f"asked {names[id(trial)]}")
         return trial
 
     def to_its_end(_scene: Any, _before: Any, trial: Trial[Any]) -> Trial[Any]:
-        said.append("ended")
+        said.append(f"ended {names[id(trial)]}")
         return trial
 
-    monkeypatch.setattr(moves_together, "ranked", lambda *_: list(trials))
-    monkeypatch.setattr(moves_together, "fitted_two", lambda _present, _found, names: names)
-    monkeypatch.setattr(moves_together, "trial_of", lambda _scene, names: trials[names])
+    def fitted_two(_moves: Any, found: Any) -> str:
+        said.append(f"fitted {found.name}")
+        return str(found.name)
+
+    many = cast(Any, SimpleNamespace(moves=()))
+    monkeypatch.setattr(moves_together, "ranked", lambda *_: [(name, "beside") for name in few])
+    monkeypatch.setattr(moves_together, "fewer", lambda _found: ())
+    monkeypatch.setattr(
+        moves_together,
+        "begun_two",
+        lambda _present, _found, names, _few: SimpleNamespace(name=names[0], rms=few[names[0]]),
+    )
+    monkeypatch.setattr(moves_together, "fitted_two", fitted_two)
+    monkeypatch.setattr(moves_together, "trial_of", lambda _scene, name: trials[name])
     monkeypatch.setattr(moves_together, "exchanged", lambda *_: [])
     monkeypatch.setattr(moves_together, "nearer_instead", nearer)
     monkeypatch.setattr(moves_together, "to_its_end", to_its_end)
     monkeypatch.setattr(moves_together, "are_all", lambda *_: True)
-    out = moves_together.fitted_pairs(cast(Any, None), a_trial(), cast(Any, None), (), (), lambda _text: None)
-    assert out[0] is trials["a", "b"]
-    assert (len(out), said.count("ended"), said.count("asked")) == (ended, ended, asked)
+    out = moves_together.fitted_pairs(cast(Any, None), of(PAIR, before), many, (), (), lambda _text: None)
+    return out, said, trials
+
+
+@pytest.mark.parametrize(
+    ("nearest", "second", "ended", "asked"),
+    [(1.0, 1.02, 2, 1), (1.0, 1.1, 1, 2), (1.1, 1.2, 2, 1), (2.0, 2.0, 1, 2), (2.0, 2.1, 1, 2)],
+    ids=[
+        "as near",
+        "the first is as near as a right one comes",
+        "the first is not",
+        "the first ended too far off, and the next is no nearer",
+        "nor farther",
+    ],
+)
+def test_the_nearest_pairs_are_ended_and_what_comes_after_them_is_left(
+    monkeypatch: pytest.MonkeyPatch, nearest: float, second: float, ended: int, asked: int
+) -> None:
+    few = {"second": 1.0, "first": 1.0, "third": 1.0}
+    out, said, trials = fitted_of(monkeypatch, few, {"second": second, "first": nearest, "third": 9.0})
+    assert out[0].train_rms == trials["first"].train_rms
+    done = [text.split()[0] for text in said]
+    assert (len(out), done.count("ended"), done.count("asked")) == (ended, ended, asked)
+
+
+def test_a_pair_that_is_far_behind_on_a_few_moves_is_not_fitted_to_all(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    _, said, _ = fitted_of(
+        monkeypatch, {"near": 1.0, "about": 1.3, "far": 1.4}, {"near": 1.0, "about": 1.3, "far": 1.4}
+    )
+    assert [text for text in said if text.startswith("fitted")] == ["fitted near", "fitted about"]
+
+
+@pytest.mark.parametrize(
+    ("before", "left", "fitted"), [(3.0, 1.5, True), (3.0, 1.6, False), (9.0, 1.6, True), (9.0, 1.7, False)]
+)
+def test_no_pair_is_fitted_to_all_moves_where_each_leaves_too_much_of_a_few(
+    monkeypatch: pytest.MonkeyPatch, before: float, left: float, fitted: bool
+) -> None:
+    out, said, _ = fitted_of(monkeypatch, {"one": left}, {"one": left}, before)
+    assert bool(out) == bool(said) == fitted
