@@ -260,7 +260,8 @@ def to_its_end(scene: Scene, before: Trial[Explained], trial: Trial[Explained]) 
     if gone(before.train_rms, trial.train_rms, EXPLAINED) and trial.train_rms > UNKNOWN_NUMBERS:
         further = led_on(trial.model.fitted)
         trial = trial if further is trial.model.fitted else trial_of(scene, further)
-    return ended(scene, trial) if trial.train_rms <= LEFT and most_left(trial) <= CHANGED else trial
+    near = trial.train_rms <= UNKNOWN_NUMBERS or gone(before.train_rms, trial.train_rms, WHOLLY)
+    return ended(scene, trial) if near and trial.train_rms <= LEFT and most_left(trial) <= CHANGED else trial
 
 
 def ranked(present: Fitted, found: Fitted, beside: tuple[str, ...]) -> list[tuple[str, str]]:
