@@ -11,7 +11,7 @@ from service.dynamics.driven_model import DrivenEffect
 from service.dynamics.effects.driven_library import DRIVEN
 from service.dynamics.effects.driven_sensors import DrivenBias
 from service.identification.axis_common import LEFT_BY_ONE
-from service.identification.axis_pairs import with_two
+from service.identification.axis_pairs import with_hidden, with_two
 from service.identification.axis_verdict import SMALL, finding_of, little, verdict
 from service.identification.explanation import Accepted, AxisExplanation, Candidate
 from service.identification.given_effects import as_accepted, names_of, with_effects_of
@@ -99,7 +99,9 @@ def explain_axes(
         if scene.clipped:  # what is cut off looks like many an effect: nothing is named that was fitted to it
             tell(f"the accelerometer of {' and '.join(scene.clipped)} was over its range")
             return verdict(scene, nothing_beyond(before), there, absent)
-        return verdict(scene, missing_in(scene, before, there, tell), there, absent)
+        found = with_bias_seen(scene, missing_in(scene, before, there, tell), tell)
+        found = with_hidden(scene, found, HIDDEN, tell)
+        return verdict(scene, found, there, absent)
 
 
 def nothing_beyond(trial: Trial[Explained]) -> Selection[Explained]:
@@ -299,6 +301,22 @@ def searched(
     if asked_of_impurities(scene, before) or finding_of(found)[0] != "unknown":
         return found
     return only_impurities(with_impurities(scene, before, tell)) or found
+
+
+def with_bias_seen(
+    scene: Scene, found: Selection[Explained], tell: Callable[[str], None]
+) -> Selection[Explained]:
+    """What was found, and beside it a zero that is seen to wander at rest, which explained too little of the moves to
+    be found before it."""
+    held = {effect.name for effect in found.after.model.fitted.model.effects}
+    if not (scene.zero_wanders and found.effects) or DrivenBias.name in held:
+        return found
+    tell(f"the accelerometer's zero wanders beside {' and '.join(found.effects)}")
+    beside = searched(scene, found.after, tell, WITNESSED, first=(DrivenBias,))
+    candidates = found.candidates + beside.candidates
+    if not beside.effects:
+        return replace(found, candidates=candidates)
+    return replace(found, after=beside.after, effects=found.effects + beside.effects, candidates=candidates)
 
 
 def in_company(

@@ -6,12 +6,16 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from service.dynamics.driven_model import DrivenEffect
 from service.dynamics.effects.driven_library import DRIVEN
 from service.identification.explanation import Candidate
 from service.identification.held_out import Explained
+from service.identification.moves_end import SOUND
 from service.identification.moves_finals import described
-from service.identification.moves_motors import reconciled
+from service.identification.moves_hidden import Near, hidden, leads
+from service.identification.moves_motors import CONTRADICTED, left_by_motors, reconciled
 from service.identification.moves_search import without
 from service.identification.moves_together import added, pairs
 from service.identification.scene import Scene
@@ -55,6 +59,43 @@ def with_two(
     return as_found(before, found, best, {name: spared[name] for name in strongest}, rivals)
 
 
+def with_hidden(
+    scene: Scene,
+    found: Selection[Explained],
+    kinds: Sequence[type[DrivenEffect]],
+    tell: Callable[[str], None],
+) -> Selection[Explained]:
+    """What was found, or that and what of these `kinds` hides between motor and load, where the motors contradict the
+    model with what was found alone, which describes the moves that were fitted, as one gap as wide as two does beside
+    another effect, too. What was found keeps its name only where it cannot be spared then."""
+    after, near = found.after, Near()
+    held = {effect.name for effect in after.model.fitted.model.effects}
+    if not found.effects or any(kind.name in held for kind in kinds):
+        return found
+    if after.train_rms > SOUND or float(np.max(left_by_motors(after.model.fitted))) <= CONTRADICTED:
+        return found
+    if not leads(scene, after, kinds, near):
+        return found
+    tell(f"the motors contradict the model with {' and '.join(found.effects)}: what hides beside it")
+    told = hidden(scene, after, kinds, len(DRIVEN), tell, near)
+    candidates = found.candidates + told.candidates
+    if not told.effects:
+        return replace(found, candidates=candidates)
+    best = told.after
+    spared = {name: without(scene, best, name) for name in found.effects}
+    left, *more = spared.values()
+    if not more and described(left) and distance(left) <= (1.0 + NEAR) * distance(best):
+        others = tuple(refused(one, told.effects) for one in found.candidates)
+        return replace(
+            told, before=found.before, after=left, candidates=others + told.candidates, tried=found.tried
+        )
+    if any(best.held_rms > (1.0 - NEEDED) * trial.held_rms for trial in spared.values()):
+        return found
+    spared |= dict.fromkeys(told.effects, after)
+    strongest = tuple(sorted(spared, key=lambda name: distance(spared[name]), reverse=True))
+    return replace(found, after=best, effects=strongest, candidates=candidates)
+
+
 def rival(
     before: Trial[Explained], best: Trial[Explained], trial: Trial[Explained]
 ) -> tuple[str, str] | None:
@@ -81,14 +122,16 @@ def as_found(
     p_values = {name: min(1.0, tried * gain_p_value(trial, after)) for name, trial in spared.items()}
     if max(p_values.values()) >= LEVEL:
         return found
-    together = " and ".join(names)
-    others = tuple(
-        replace(one, accepted=False, why=f"significant, but {together} explain all") if one.accepted else one
-        for one in found.candidates
-        if one.effect not in names
-    )
+    others = tuple(refused(one, names) for one in found.candidates if one.effect not in names)
     why = "significant and material on held-out moves" + (", beside the other" if len(names) > 1 else "")
     own = tuple(Candidate(name, after.held_rms, p, True, why) for name, p in p_values.items())
     return replace(
         found, before=before, after=after, effects=names, candidates=others + own, rivals=tuple(rivals)
     )
+
+
+def refused(candidate: Candidate, names: Sequence[str]) -> Candidate:
+    """The candidate, not accepted beside these effects."""
+    if not candidate.accepted:
+        return candidate
+    return replace(candidate, accepted=False, why=f"significant, but {' and '.join(names)} explain all")

@@ -96,7 +96,9 @@ def over_ridges(found: Fitted, others: Callable[[Fitted], Iterator[FloatArray]] 
     back = [begun_at(few, found.model, values, own) for values in machines]
     near = [fit(few, found.model, at, BRIEF) for at in begun]
     near += [
-        speeds_first(few, found.model, at, lasting, BRIEF) for at in (here.at, back[1]) for lasting in SUMMED
+        speeds_first(few, found.model, at, lasting, BRIEF)
+        for at in (here.at, *back[1:])
+        for lasting in SUMMED
     ]
     near += [
         fit(few, found.model, begun_at(few, found.model, v, own), BRIEF) for v in otherwise_rubbing(found)

@@ -16,6 +16,7 @@ from service.identification.axis_explain import (
     LIMITS,
     WITNESSED,
     missing_in,
+    with_bias_seen,
 )
 from service.identification.explanation import Candidate
 from service.identification.moves_repeated import PureError
@@ -217,3 +218,44 @@ def test_what_explains_nearly_all_but_for_its_chain_is_searched_for_company(
         assert (asked[0].enough, asked[0].most) == (0.0, 1)
     else:
         assert out is alone
+
+
+@pytest.mark.parametrize(
+    ("wanders", "effects", "held", "asked"),
+    [
+        (True, ("sensor_filter",), ("sensor_filter",), True),
+        (False, ("sensor_filter",), ("sensor_filter",), False),
+        (True, (), (), False),
+        (True, ("sensor_filter", "sensor_bias"), ("sensor_filter", "sensor_bias"), False),
+    ],
+    ids=["beside another", "it stays", "nothing was found", "it was found"],
+)
+@pytest.mark.parametrize("there", [True, False])
+def test_a_zero_that_wanders_at_rest_is_asked_for_beside_what_was_found(
+    monkeypatch: pytest.MonkeyPatch,
+    wanders: bool,
+    effects: tuple[str, ...],
+    held: tuple[str, ...],
+    asked: bool,
+    there: bool,
+) -> None:
+    before, after, both = trial(9.0, 9.0), trial(1.7, 1.7), trial(1.0, 1.0)
+    after.model.fitted = SimpleNamespace(
+        model=SimpleNamespace(effects=[SimpleNamespace(name=n) for n in held])
+    )
+    said: list[tuple[Any, Any, Any]] = []
+
+    def searched(_scene: Any, begun: Any, _tell: Any, limits: Any, first: Any = ()) -> Selection[Any]:
+        said.append((begun, limits, [kind.name for kind in first]))
+        bias = (Candidate("sensor_bias", 1.0, 1e-9, there),)
+        return Selection(begun, both if there else begun, ("sensor_bias",) if there else (), bias, ())
+
+    monkeypatch.setattr(axis_explain, "searched", searched)
+    scene: Any = SimpleNamespace(zero_wanders=wanders)
+    first = Selection(before, after, effects, (), ())
+    found = with_bias_seen(scene, first, lambda _text: None)
+    assert said == ([(after, WITNESSED, ["sensor_bias"])] if asked else [])
+    assert found.effects == ((*effects, "sensor_bias") if asked and there else effects)
+    assert found.after is (both if asked and there else after)
+    assert found.before is before
+    assert [c.effect for c in found.candidates] == (["sensor_bias"] if asked else [])

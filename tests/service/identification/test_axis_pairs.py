@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -9,16 +10,18 @@ import numpy as np
 import pytest
 
 from service.identification import axis_pairs
-from service.identification.axis_pairs import with_two
+from service.identification.axis_pairs import with_hidden, with_two
 from service.identification.explanation import Candidate
 from service.identification.selection import Selection, Trial
 
 GAIN, FORCE, ASYMMETRY = "sensor_gain", "position_dependent_force", "asymmetric_friction"
+CLEARANCE = "gearbox_clearance"
 
 
-def trial(left: float, *effects: str, chance: bool = False) -> Trial[Any]:
-    """A trial that left so much of all moves, or of held-out blocks that differ by chance."""
-    fitted = SimpleNamespace(model=SimpleNamespace(effects=tuple(SimpleNamespace(name=n) for n in effects)))
+def trial(left: float, *effects: str, chance: bool = False, motors: float = 1.0) -> Trial[Any]:
+    """A trial that left so much of all moves, or of held-out blocks that differ by chance, and of its motors."""
+    model = SimpleNamespace(effects=tuple(SimpleNamespace(name=n) for n in effects))
+    fitted = SimpleNamespace(model=model, left_by_motors=np.array([motors]))
     blocks = left**2 * (np.random.default_rng(1).exponential(size=40) if chance else np.ones(40))
     return Trial(SimpleNamespace(fitted=fitted), left, left, blocks, np.zeros(0), 5.0 if chance else 4000.0)
 
@@ -105,3 +108,88 @@ def test_what_explains_the_moves_as_well_beside_the_same_effect_cannot_be_told_a
 ) -> None:
     found = asked(monkeypatch, [trial(1.0, GAIN, FORCE), trial(left, *other)], {GAIN: 4.0, FORCE: 6.0})
     assert found.rivals == rivals
+
+
+def hides(
+    monkeypatch: pytest.MonkeyPatch,
+    found: Selection[Any],
+    after: Trial[Any] | None = None,
+    spared: float = 5.0,
+    leads: bool = True,
+) -> tuple[Selection[Any], list[Trial[Any]]]:
+    """What is found with what hides, which the motors speak of if a trial `after` it is given, and the trials that were
+    asked for it."""
+    asked: list[Trial[Any]] = []
+
+    def hidden(_scene: Any, before: Trial[Any], *_: Any) -> Selection[Any]:
+        asked.append(before)
+        said = Candidate(CLEARANCE, 1.0, 1e-9, after is not None, "what the motors say")
+        names = (CLEARANCE,) if after else ()
+        return Selection(before, after or before, names, (said,), (), witnessed=names)
+
+    monkeypatch.setattr(axis_pairs, "left_by_motors", lambda fitted: fitted.left_by_motors)
+    monkeypatch.setattr(axis_pairs, "leads", lambda *_: leads)
+    monkeypatch.setattr(axis_pairs, "hidden", hidden)
+    monkeypatch.setattr(axis_pairs, "without", lambda *_: trial(spared, CLEARANCE))
+    kinds = cast(Any, (SimpleNamespace(name=CLEARANCE),))
+    return with_hidden(cast(Any, None), found, kinds, lambda _text: None), asked
+
+
+def with_gain(left: float = 1.5, motors: float = 4.0, *more: str) -> Selection[Any]:
+    said = (Candidate(GAIN, left, 1e-9, True, "significant"),)
+    return Selection(BEFORE, trial(left, GAIN, *more, motors=motors), (GAIN, *more), said, ())
+
+
+@pytest.mark.parametrize(("spared", "effects"), [(5.0, (GAIN, CLEARANCE)), (1.4, (CLEARANCE, GAIN))])
+def test_a_gap_that_the_motors_speak_of_is_named_beside_what_was_found(
+    monkeypatch: pytest.MonkeyPatch, spared: float, effects: tuple[str, ...]
+) -> None:
+    both = trial(1.0, GAIN, CLEARANCE)
+    found, asked = hides(monkeypatch, alone := with_gain(), both, spared)
+    assert asked == [alone.after]
+    assert found.effects == effects
+    assert found.after is both
+    assert found.before is BEFORE
+    assert [(c.effect, c.accepted) for c in found.candidates] == [(GAIN, True), (CLEARANCE, True)]
+
+
+@pytest.mark.parametrize(
+    ("alone", "leads", "times"),
+    [
+        (with_gain(motors=1.4), True, 0),
+        (with_gain(left=2.1), True, 0),
+        (with_gain(1.5, 4.0, CLEARANCE), True, 0),
+        (replace(with_gain(), effects=(), after=BEFORE), True, 0),
+        (with_gain(), False, 0),
+        (with_gain(), True, 1),
+    ],
+    ids=[
+        "motors agree",
+        "more is missing",
+        "it is in the model",
+        "nothing was found",
+        "it comes no nearer to a few moves",
+        "asked for, and not there",
+    ],
+)
+def test_else_what_was_found_stays(
+    monkeypatch: pytest.MonkeyPatch, alone: Selection[Any], leads: bool, times: int
+) -> None:
+    found, asked = hides(monkeypatch, alone, leads=leads)
+    assert len(asked) == times
+    assert replace(found, candidates=()) == replace(alone, candidates=())
+
+
+def test_a_gap_is_named_alone_where_what_was_found_can_be_spared(monkeypatch: pytest.MonkeyPatch) -> None:
+    found, _ = hides(monkeypatch, with_gain(), trial(1.0, GAIN, CLEARANCE), spared=1.02)
+    assert (found.effects, found.witnessed, found.before) == ((CLEARANCE,), (CLEARANCE,), BEFORE)
+    assert found.after.train_rms == 1.02
+    assert [(c.effect, c.accepted) for c in found.candidates] == [(GAIN, False), (CLEARANCE, True)]
+
+
+def test_what_hardly_matters_beside_a_gap_and_is_missing_without_it_is_unclear(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    alone = with_gain()
+    found, _ = hides(monkeypatch, alone, trial(1.0, GAIN, CLEARANCE), spared=1.3)
+    assert found is alone
