@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from service.backlash.moves_fit import Fitted
-from service.identification.axis_numbers import backlash_of, deviations
+from service.identification.axis_numbers import backlash_of, deviations, misfit
 from service.identification.explanation import ErrorReport, Parameter, Prediction
 from service.identification.held_out import Explained, Held, rms
 from service.recording import FloatArray
@@ -17,7 +17,7 @@ def report(one: Explained, axis: int) -> ErrorReport:
     lagged = errors[:, :-1] * errors[:, 1:]
     train = train_errors(one.fitted, axis)
     b, std = backlash_of(one.fitted, axis)
-    std *= max(1.0, rms(held.weighed[:, axis]))
+    std = float(np.hypot(std * max(1.0, rms(held.weighed[:, axis])), misfit(one.fitted, axis)))
     return ErrorReport(
         train_rms=rms(train) * noise,
         validation_rms=rms(errors),

@@ -102,7 +102,13 @@ def answered(axes: Sequence[AxisExplanation], truth: Record) -> Record:
         "before_um": 1e6 * max(e[0] for e in errors),
         "after_um": 1e6 * max(e[1] for e in errors),
         "backlash_um": 1e6 * min(planted[a.axis] for a in axes),
+        "covered": all(covers(a.after.interval_95, planted[a.axis]) for a in axes),
     }
+
+
+def covers(interval: tuple[float, float] | None, backlash: float) -> bool:
+    """Whether a backlash lies in an interval; in none does any."""
+    return interval is None or interval[0] <= backlash <= interval[1]
 
 
 def right(row: Record) -> bool:
@@ -170,6 +176,13 @@ def tabulate(rows: Sequence[Record]) -> None:
             described = sum(row[ratio] <= 1.3 for row in found)
             print(f"{what:30s} {described} of {len(found)} at most 1.3 of {of}")
         print(f"{'  backlash after':30s} {sum(map(corrected, found))} of {len(found)} corrected")
+    for what, group in (
+        ("backlash in its interval, named", [row for row in rows if row.get("first") in DRIVEN]),
+        ("  where nothing was found", [row for row in rows if row.get("first") == "none"]),
+        ("  where it is unknown what", [row for row in rows if row.get("first") == "unknown"]),
+    ):
+        if group:
+            print(f"{what:32s} {sum(row['covered'] for row in group)} of {len(group)}")
     for axes in sorted({row["axes"] for row in rows}):
         spent = sorted(row["cpu_s"] for row in rows if row["axes"] == axes)
         peak = max(row["peak_mb"] for row in rows if row["axes"] == axes)

@@ -20,7 +20,7 @@ def row(planted: str, first: str, rivals: list[list[str]] | None = None, name: s
     return {
         "name": name, "source": "s", "planted": planted, "answer": first, "first": first, "rivals": rivals or [],
         "ratio_before": 2.0, "ratio_after": 1.5, "ratio_expected": 1.2, "before_um": 3.0, "after_um": 0.1, "axes": 1,
-        "cpu_s": 9.0, "peak_mb": 300.0, "backlash_um": 30.0,
+        "cpu_s": 9.0, "peak_mb": 300.0, "backlash_um": 30.0, "covered": first == planted,
     }  # fmt: skip
 
 
@@ -79,7 +79,18 @@ def test_the_rates_are_of_the_three_kinds_of_machines(capsys: pytest.CaptureFixt
     assert "held-out RMS         0 of 1 at most 1.3 of the noise" in printed
     assert "1 of 1 at most 1.3 of what is expected of the right model" in printed
     assert "backlash after               1 of 1 corrected" in printed
+    assert "backlash in its interval, named  1 of 2" in printed
+    assert "where nothing was found        2 of 3" in printed
+    assert "where it is unknown what       0 of 1" in printed
     assert "1 axes: CPU time median 9 s" in printed
+
+
+@pytest.mark.parametrize(
+    ("interval", "covered"),
+    [((29e-6, 31e-6), True), ((30.1e-6, 31e-6), False), ((28e-6, 29.9e-6), False), (None, True)],
+)
+def test_a_backlash_is_covered_by_its_interval(interval: tuple[float, float] | None, covered: bool) -> None:
+    assert explain_table.covers(interval, 30e-6) is covered
 
 
 def test_a_campaign_goes_on_with_the_same_numerics_and_captures_only(tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ from service.identification.axis_numbers import (
     backlash_of,
     clearance_beside,
     division_known,
+    misfit,
     unseen_depth,
 )
 from tests.service.identification.with_a_clearance import with_a_clearance
@@ -64,6 +65,15 @@ def test_a_gap_that_changes_along_the_rack_is_said_where_the_moves_cross_it(foun
     b, std = backlash_of(fit(found.moves, model, at, 0), 0)
     assert b == pytest.approx(found.value("X1.backlash") + wider, abs=1e-10)
     assert std > backlash_of(found, 0)[1], "the wave is not known exactly, either"
+
+
+@pytest.mark.parametrize(("left", "share"), [(0.95, 0.0), (1.05, 0.0), (1.45, 0.03), (10.05, 0.3)])
+def test_what_a_model_leaves_of_the_moves_may_be_in_its_backlash(
+    found: Fitted, left: float, share: float
+) -> None:
+    """By three hundredths of it for a residual that is as large as the noise, and nothing for noise."""
+    one = replace(found, r=np.full(found.r.shape, left))
+    assert misfit(one, 0) == pytest.approx(share * found.value("X1.backlash"), rel=0.01)
 
 
 @pytest.mark.parametrize(
