@@ -18,7 +18,7 @@ from service.identification.given_effects import as_accepted, names_of, with_eff
 from service.identification.held_out import DESCRIBED, SEARCHED, Explained, overdamped, trial_of
 from service.identification.moves_carried import SECOND
 from service.identification.moves_end import SOUND, declared_end, ended
-from service.identification.moves_finals import describes_all, may_be_named
+from service.identification.moves_finals import described, describes_all, may_be_named
 from service.identification.moves_hidden import Near, as_heard_by_motors, hidden, leads, swinging
 from service.identification.moves_motors import (
     CONTRADICTED,
@@ -35,6 +35,7 @@ from service.identification.scene import Scene, declared_fits, scene_of
 from service.identification.selection import (
     EXPLAINED,
     LEFT,
+    LEFT_BY_CLEAN,
     Limits,
     Selection,
     Trial,
@@ -57,6 +58,8 @@ MOST = 2
 LIMITS = Limits(MATERIAL, SEARCHED, FURTHER, LEFT_BY_ONE, MOST, SMALL)
 BEYOND = replace(LIMITS, material=FURTHER[0], enough=FURTHER[1])
 """Beyond accepted effects the next one is a further one."""
+ANOTHER = replace(BEYOND, enough=LEFT_BY_CLEAN, most=1)
+"""The same beyond what was found and explains nearly all, but leaves more than next to nothing."""
 HIDDEN = tuple(kind for kind in DRIVEN.values() if kind.many_valleys)
 """What the declared model may hide in the moves that are fitted: it makes one gap of two in series, as wide as both.
 Asked for by the motors, and where no torque was recorded and the other moves are not described as well, although
@@ -65,6 +68,9 @@ SWINGING = tuple(kind for kind in DRIVEN.values() if kind.free_swing is not None
 """What swings, and is asked for at all frequencies where nothing else is found with which the motors agree."""
 WITNESSED = replace(LIMITS, material=0.05)
 """Of what there is other evidence for, and little is left, there is less to remove (chosen)."""
+
+SEEN_BESIDE = replace(WITNESSED, enough=0.0, most=1)
+"""The same beside what was found."""
 
 
 def explain_axes(
@@ -291,7 +297,10 @@ def searched(
         tell,
         replace(limits, enough=0.0) if first else limits,
     )
-    if first or (finding_of(found)[0] != "unknown" and left(found.after) <= FURTHER[1]):
+    if first:
+        return found
+    found = with_another(scene, found, library, tell)
+    if finding_of(found)[0] != "unknown" and left(found.after) <= FURTHER[1]:
         return found
     if left(before) > FURTHER[1]:
         found = with_two(scene, before, found, library, tell)
@@ -312,11 +321,49 @@ def with_bias_seen(
     if not (scene.zero_wanders and found.effects) or DrivenBias.name in held:
         return found
     tell(f"the accelerometer's zero wanders beside {' and '.join(found.effects)}")
-    beside = searched(scene, found.after, tell, WITNESSED, first=(DrivenBias,))
-    candidates = found.candidates + beside.candidates
-    if not beside.effects:
-        return replace(found, candidates=candidates)
-    return replace(found, after=beside.after, effects=found.effects + beside.effects, candidates=candidates)
+    return beside(scene, found, (DrivenBias,), SEEN_BESIDE, tell)
+
+
+def with_another(
+    scene: Scene,
+    found: Selection[Explained],
+    library: Sequence[type[DrivenEffect]],
+    tell: Callable[[str], None],
+) -> Selection[Explained]:
+    """What was found, and another of the library where both describe all moves, which it alone does not: nearly all
+    that is missing is the one, and what it leaves may be its law, or another effect that is small beside it."""
+    if finding_of(found)[0] != "effect" or left(found.after) <= ANOTHER.enough:
+        return found
+    others = tuple(kind for kind in library if kind.name not in found.effects)
+    tell(f"{' and '.join(found.effects)} leaves {left(found.after):.2f} of the noise: what is beside it")
+    both = beside(scene, found, others, ANOTHER, tell)
+    return both if described(both.after) else found
+
+
+def beside(
+    scene: Scene,
+    found: Selection[Explained],
+    kinds: Sequence[type[DrivenEffect]],
+    limits: Limits,
+    tell: Callable[[str], None],
+) -> Selection[Explained]:
+    """What was found, or that and one of these `kinds`, begun where its fit ended, if they are a finding together."""
+    more = selected(
+        scene,
+        found.after,
+        lambda present, taken: propose(scene, kinds, present, (*found.effects, *taken), tell),
+        tell,
+        limits,
+    )
+    told = tuple(one for one in more.candidates if one.effect in more.effects)
+    both = replace(
+        found,
+        after=more.after,
+        effects=found.effects + more.effects,
+        candidates=tuple(one for one in found.candidates if one.effect not in more.effects) + told,
+        rivals=found.rivals + more.rivals,
+    )
+    return both if more.effects and finding_of(both)[0] == "effect" else found
 
 
 def in_company(
