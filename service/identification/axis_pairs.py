@@ -10,6 +10,7 @@ import numpy as np
 
 from service.dynamics.driven_model import DrivenEffect
 from service.dynamics.effects.driven_library import DRIVEN
+from service.identification.axis_verdict import finding_of
 from service.identification.explanation import Candidate
 from service.identification.held_out import Explained
 from service.identification.moves_end import SOUND
@@ -67,7 +68,8 @@ def with_hidden(
 ) -> Selection[Explained]:
     """What was found, or that and what of these `kinds` hides between motor and load, where the motors contradict the
     model with what was found alone, which describes the moves that were fitted, as one gap as wide as two does beside
-    another effect, too. What was found keeps its name only where it cannot be spared then."""
+    another effect, too. What was found keeps its name only where it cannot be spared then; both have theirs only where
+    they are a finding together."""
     after, near = found.after, Near()
     held = {effect.name for effect in after.model.fitted.model.effects}
     if not found.effects or any(kind.name in held for kind in kinds):
@@ -93,7 +95,8 @@ def with_hidden(
         return found
     spared |= dict.fromkeys(told.effects, after)
     strongest = tuple(sorted(spared, key=lambda name: distance(spared[name]), reverse=True))
-    return replace(found, after=best, effects=strongest, candidates=candidates)
+    both = replace(found, after=best, effects=strongest, candidates=candidates)
+    return both if finding_of(both)[0] == "effect" else found
 
 
 def rival(

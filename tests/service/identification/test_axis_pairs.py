@@ -116,6 +116,7 @@ def hides(
     after: Trial[Any] | None = None,
     spared: float = 5.0,
     leads: bool = True,
+    finding: str = "effect",
 ) -> tuple[Selection[Any], list[Trial[Any]]]:
     """What is found with what hides, which the motors speak of if a trial `after` it is given, and the trials that were
     asked for it."""
@@ -128,6 +129,7 @@ def hides(
         return Selection(before, after or before, names, (said,), (), witnessed=names)
 
     monkeypatch.setattr(axis_pairs, "left_by_motors", lambda fitted: fitted.left_by_motors)
+    monkeypatch.setattr(axis_pairs, "finding_of", lambda one: (finding, one.effects))
     monkeypatch.setattr(axis_pairs, "leads", lambda *_: leads)
     monkeypatch.setattr(axis_pairs, "hidden", hidden)
     monkeypatch.setattr(axis_pairs, "without", lambda *_: trial(spared, CLEARANCE))
@@ -192,4 +194,10 @@ def test_what_hardly_matters_beside_a_gap_and_is_missing_without_it_is_unclear(
 ) -> None:
     alone = with_gain()
     found, _ = hides(monkeypatch, alone, trial(1.0, GAIN, CLEARANCE), spared=1.3)
+    assert found is alone
+
+
+def test_two_that_are_no_finding_together_are_not_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    alone = with_gain()
+    found, _ = hides(monkeypatch, alone, trial(1.0, GAIN, CLEARANCE), finding="unknown")
     assert found is alone
