@@ -311,9 +311,10 @@ def test_what_describes_the_fitted_moves_and_their_motors_and_not_the_others_is_
         (2.1, 1.2, "explains nothing of a few moves and their motors"),
         (3.1, 1.2, "explains nothing of a few moves and their motors"),
         (1.7, 2.0, "explains nothing of a few moves and their motors"),
-        (1.7, 1.2, "needed by no motor once the model is fitted to them, too"),
+        (1.7, 1.2, "explains nothing of a few moves and their motors"),
+        (1.7, 1.1, "needed by no motor once the model is fitted to them, too"),
     ],
-    ids=["contradicted", "plainly", "by samples", "by numbers"],
+    ids=["contradicted", "plainly", "by samples", "by samples, a little", "by numbers"],
 )
 def test_what_few_moves_and_their_motors_speak_against_is_not_fitted_to_all(
     monkeypatch: pytest.MonkeyPatch, by_motors: float, samples: float, why: str
