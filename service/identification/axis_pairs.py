@@ -12,8 +12,7 @@ from service.dynamics.driven_model import DrivenEffect
 from service.dynamics.effects.driven_library import DRIVEN
 from service.identification.axis_verdict import finding_of
 from service.identification.explanation import Candidate
-from service.identification.held_out import Explained
-from service.identification.moves_end import SOUND
+from service.identification.held_out import DESCRIBED, Explained
 from service.identification.moves_finals import described
 from service.identification.moves_hidden import Near, hidden, leads
 from service.identification.moves_motors import CONTRADICTED, left_by_motors, reconciled
@@ -74,7 +73,7 @@ def with_hidden(
     held = {effect.name for effect in after.model.fitted.model.effects}
     if not found.effects or any(kind.name in held for kind in kinds):
         return found
-    if after.train_rms > SOUND or float(np.max(left_by_motors(after.model.fitted))) <= CONTRADICTED:
+    if after.train_rms > DESCRIBED or float(np.max(left_by_motors(after.model.fitted))) <= CONTRADICTED:
         return found
     if not leads(scene, after, kinds, near):
         return found

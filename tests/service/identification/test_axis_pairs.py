@@ -137,16 +137,18 @@ def hides(
     return with_hidden(cast(Any, None), found, kinds, lambda _text: None), asked
 
 
-def with_gain(left: float = 1.5, motors: float = 4.0, *more: str) -> Selection[Any]:
+def with_gain(left: float = 1.1, motors: float = 4.0, *more: str) -> Selection[Any]:
     said = (Candidate(GAIN, left, 1e-9, True, "significant"),)
     return Selection(BEFORE, trial(left, GAIN, *more, motors=motors), (GAIN, *more), said, ())
 
 
-@pytest.mark.parametrize(("spared", "effects"), [(5.0, (GAIN, CLEARANCE)), (1.4, (CLEARANCE, GAIN))])
+@pytest.mark.parametrize(
+    ("left", "spared", "effects"), [(1.0, 5.0, (GAIN, CLEARANCE)), (0.8, 1.08, (CLEARANCE, GAIN))]
+)
 def test_a_gap_that_the_motors_speak_of_is_named_beside_what_was_found(
-    monkeypatch: pytest.MonkeyPatch, spared: float, effects: tuple[str, ...]
+    monkeypatch: pytest.MonkeyPatch, left: float, spared: float, effects: tuple[str, ...]
 ) -> None:
-    both = trial(1.0, GAIN, CLEARANCE)
+    both = trial(left, GAIN, CLEARANCE)
     found, asked = hides(monkeypatch, alone := with_gain(), both, spared)
     assert asked == [alone.after]
     assert found.effects == effects
@@ -159,8 +161,8 @@ def test_a_gap_that_the_motors_speak_of_is_named_beside_what_was_found(
     ("alone", "leads", "times"),
     [
         (with_gain(motors=1.4), True, 0),
-        (with_gain(left=2.1), True, 0),
-        (with_gain(1.5, 4.0, CLEARANCE), True, 0),
+        (with_gain(left=1.2), True, 0),
+        (with_gain(1.1, 4.0, CLEARANCE), True, 0),
         (replace(with_gain(), effects=(), after=BEFORE), True, 0),
         (with_gain(), False, 0),
         (with_gain(), True, 1),
