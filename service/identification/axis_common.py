@@ -29,6 +29,9 @@ LEFT_BY_ONE = 3.0
 """What an effect that explains nearly all by itself may leave, over what is expected: it is how its law differs from
 the machine's (chosen)."""
 
+NEXT_TO_ALL = 0.99
+"""Share of what is missing in the held-out moves from which on it is everything, whatever is left (chosen)."""
+
 
 class Impurity(NamedTuple):
     """The number that says how much there is of something, the most that a sound machine has of it, the most where
@@ -66,7 +69,8 @@ def of_every_machine(selection: Selection[Explained]) -> bool:
     it explains nearly all by itself, no more than its law leaves that differs from the machine's."""
     before, after = selection.before, selection.after
     by_law = left(after) <= LEFT_BY_ONE and most_left(after) <= CHANGED
-    everything = before.validation_rms > CHANGED and shown(after) <= LEFT_BY_CLEAN
+    described = shown(after) <= LEFT_BY_CLEAN or explained(before, after, NEXT_TO_ALL)
+    everything = before.validation_rms > CHANGED and described
     foretold = shown(after) <= LEFT or (explained(before, after, PART) and most_left(after) <= CHANGED)
     whole = (by_itself(selection) and by_law) or (left(after) <= LEFT and foretold)
     return whole and common(selection, everything)

@@ -91,6 +91,7 @@ def test_a_second_gap_is_no_finding_where_what_every_machine_has_suffices(
         ("transmission_ripple", 8.0, 1.5, "none"),
         ("transmission_ripple", 3.9, 1.1, "none"),
         ("transmission_ripple", 8.0, 1.1, "effect"),
+        ("transmission_ripple", 20.0, 1.5, "effect"),
         ("sensor_gain", 8.0, 1.5, "effect"),
     ],
 )
