@@ -15,7 +15,7 @@ from service.identification.explanation import Candidate
 from service.identification.held_out import DESCRIBED, Explained
 from service.identification.moves_finals import described
 from service.identification.moves_hidden import Near, hidden, leads
-from service.identification.moves_motors import CONTRADICTED, left_by_motors, reconciled
+from service.identification.moves_motors import CONTRADICTED, left_by_motors, nothing_left, reconciled
 from service.identification.moves_search import without
 from service.identification.moves_together import added, pairs
 from service.identification.scene import Scene
@@ -68,7 +68,7 @@ def with_hidden(
     """What was found, or that and what of these `kinds` hides between motor and load, where the motors contradict the
     model with what was found alone, which describes the moves that were fitted, as one gap as wide as two does beside
     another effect, too. What was found keeps its name only where it cannot be spared then; both have theirs only where
-    they are a finding together."""
+    they are a finding together, and nothing is left of samples and motors: a preloaded flank is a gap to them, too."""
     after, near = found.after, Near()
     held = {effect.name for effect in after.model.fitted.model.effects}
     if not found.effects or any(kind.name in held for kind in kinds):
@@ -79,9 +79,11 @@ def with_hidden(
         return found
     tell(f"the motors contradict the model with {' and '.join(found.effects)}: what hides beside it")
     told = hidden(scene, after, kinds, len(DRIVEN), tell, near)
+    if not (told.effects and nothing_left(told.after.model.fitted)):
+        why = "leaves something of the motors' equations of motion"
+        said = (replace(one, accepted=False, why=why) if one.accepted else one for one in told.candidates)
+        return replace(found, candidates=(*found.candidates, *said))
     candidates = found.candidates + told.candidates
-    if not told.effects:
-        return replace(found, candidates=candidates)
     best = told.after
     spared = {name: without(scene, best, name) for name in found.effects}
     left, *more = spared.values()

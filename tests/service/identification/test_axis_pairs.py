@@ -117,6 +117,7 @@ def hides(
     spared: float = 5.0,
     leads: bool = True,
     finding: str = "effect",
+    nothing: bool = True,
 ) -> tuple[Selection[Any], list[Trial[Any]]]:
     """What is found with what hides, which the motors speak of if a trial `after` it is given, and the trials that were
     asked for it."""
@@ -130,6 +131,7 @@ def hides(
 
     monkeypatch.setattr(axis_pairs, "left_by_motors", lambda fitted: fitted.left_by_motors)
     monkeypatch.setattr(axis_pairs, "finding_of", lambda one: (finding, one.effects))
+    monkeypatch.setattr(axis_pairs, "nothing_left", lambda _fitted: nothing)
     monkeypatch.setattr(axis_pairs, "leads", lambda *_: leads)
     monkeypatch.setattr(axis_pairs, "hidden", hidden)
     monkeypatch.setattr(axis_pairs, "without", lambda *_: trial(spared, CLEARANCE))
@@ -203,3 +205,13 @@ def test_two_that_are_no_finding_together_are_not_named(monkeypatch: pytest.Monk
     alone = with_gain()
     found, _ = hides(monkeypatch, alone, trial(1.0, GAIN, CLEARANCE), finding="unknown")
     assert found is alone
+
+
+def test_a_gap_beside_another_effect_leaves_nothing_of_samples_and_motors(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Beside a lopsided friction it was named for a flank that is preloaded, and its backlash was 17 um off."""
+    alone = with_gain()
+    found, _ = hides(monkeypatch, alone, trial(1.0, GAIN, CLEARANCE), nothing=False)
+    assert (found.effects, found.after) == (alone.effects, alone.after)
+    assert [(c.effect, c.accepted) for c in found.candidates] == [(GAIN, True), (CLEARANCE, False)]
