@@ -10,15 +10,15 @@ import numpy as np
 from service.dynamics.driven_model import DrivenEffect
 from service.dynamics.effects.driven_library import DRIVEN
 from service.dynamics.effects.driven_sensors import DrivenBias
-from service.identification.axis_common import LEFT_BY_ONE
-from service.identification.axis_pairs import with_hidden, with_two
-from service.identification.axis_verdict import SMALL, finding_of, little, verdict
+from service.identification.axis_pairs import with_another, with_bias_seen, with_hidden, with_two
+from service.identification.axis_selected import BEYOND, FURTHER, LIMITS, MATERIAL, WITNESSED, selected
+from service.identification.axis_verdict import finding_of, little, verdict
 from service.identification.explanation import Accepted, AxisExplanation, Candidate
 from service.identification.given_effects import as_accepted, names_of, with_effects_of
 from service.identification.held_out import DESCRIBED, SEARCHED, Explained, overdamped, trial_of
 from service.identification.moves_carried import SECOND
 from service.identification.moves_end import SOUND, declared_end, ended
-from service.identification.moves_finals import described, describes_all, may_be_named
+from service.identification.moves_finals import describes_all
 from service.identification.moves_hidden import Near, as_heard_by_motors, hidden, leads, swinging
 from service.identification.moves_motors import (
     CONTRADICTED,
@@ -28,14 +28,13 @@ from service.identification.moves_motors import (
     reconciled,
 )
 from service.identification.moves_repeated import pure_error
-from service.identification.moves_search import challenged, propose, without
+from service.identification.moves_search import challenged, propose
 from service.identification.moves_sound import with_impurities
 from service.identification.moves_starts import TOO_MUCH
 from service.identification.scene import Scene, declared_fits, scene_of
 from service.identification.selection import (
     EXPLAINED,
     LEFT,
-    LEFT_BY_CLEAN,
     Limits,
     Selection,
     Trial,
@@ -43,34 +42,16 @@ from service.identification.selection import (
     gone,
     gone_from_all,
     left,
-    select,
     shown,
 )
 from service.recording import Recording
 
-MATERIAL = 0.1
-"""Share of the held-out RMS that an effect must remove (chosen)."""
-FURTHER = (0.25, 1.6)
-"""For a second effect: the share it must remove, and the held-out RMS over the noise that must be left; below it the
-residual is that of a friction curve or an impact slightly off, which many effects imitate (chosen)."""
-MOST = 2
-"""Effects that are named of one axis' moves (chosen): each is searched for as long as the first."""
-LIMITS = Limits(MATERIAL, SEARCHED, FURTHER, LEFT_BY_ONE, MOST, SMALL)
-BEYOND = replace(LIMITS, material=FURTHER[0], enough=FURTHER[1])
-"""Beyond accepted effects the next one is a further one."""
-ANOTHER = replace(BEYOND, enough=LEFT_BY_CLEAN, most=1)
-"""The same beyond what was found and explains nearly all, but leaves more than next to nothing."""
 HIDDEN = tuple(kind for kind in DRIVEN.values() if kind.many_valleys)
 """What the declared model may hide in the moves that are fitted: it makes one gap of two in series, as wide as both.
 Asked for by the motors, and where no torque was recorded and the other moves are not described as well, although
 numbers that are not known could do that, too."""
 SWINGING = tuple(kind for kind in DRIVEN.values() if kind.free_swing is not None)
 """What swings, and is asked for at all frequencies where nothing else is found with which the motors agree."""
-WITNESSED = replace(LIMITS, material=0.05)
-"""Of what there is other evidence for, and little is left, there is less to remove (chosen)."""
-
-SEEN_BESIDE = replace(WITNESSED, enough=0.0, most=1)
-"""The same beside what was found."""
 
 
 def explain_axes(
@@ -312,60 +293,6 @@ def searched(
     return only_impurities(with_impurities(scene, before, tell)) or found
 
 
-def with_bias_seen(
-    scene: Scene, found: Selection[Explained], tell: Callable[[str], None]
-) -> Selection[Explained]:
-    """What was found, and beside it a zero that is seen to wander at rest, which explained too little of the moves to
-    be found before it."""
-    held = {effect.name for effect in found.after.model.fitted.model.effects}
-    if not (scene.zero_wanders and found.effects) or DrivenBias.name in held:
-        return found
-    tell(f"the accelerometer's zero wanders beside {' and '.join(found.effects)}")
-    return beside(scene, found, (DrivenBias,), SEEN_BESIDE, tell)
-
-
-def with_another(
-    scene: Scene,
-    found: Selection[Explained],
-    library: Sequence[type[DrivenEffect]],
-    tell: Callable[[str], None],
-) -> Selection[Explained]:
-    """What was found, and another of the library where both describe all moves, which it alone does not: nearly all
-    that is missing is the one, and what it leaves may be its law, or another effect that is small beside it."""
-    if finding_of(found)[0] != "effect" or left(found.after) <= ANOTHER.enough:
-        return found
-    others = tuple(kind for kind in library if kind.name not in found.effects)
-    tell(f"{' and '.join(found.effects)} leaves {left(found.after):.2f} of the noise: what is beside it")
-    both = beside(scene, found, others, ANOTHER, tell)
-    return both if described(both.after) else found
-
-
-def beside(
-    scene: Scene,
-    found: Selection[Explained],
-    kinds: Sequence[type[DrivenEffect]],
-    limits: Limits,
-    tell: Callable[[str], None],
-) -> Selection[Explained]:
-    """What was found, or that and one of these `kinds`, begun where its fit ended, if they are a finding together."""
-    more = selected(
-        scene,
-        found.after,
-        lambda present, taken: propose(scene, kinds, present, (*found.effects, *taken), tell),
-        tell,
-        limits,
-    )
-    told = tuple(one for one in more.candidates if one.effect in more.effects)
-    both = replace(
-        found,
-        after=more.after,
-        effects=found.effects + more.effects,
-        candidates=tuple(one for one in found.candidates if one.effect not in more.effects) + told,
-        rivals=found.rivals + more.rivals,
-    )
-    return both if more.effects and finding_of(both)[0] == "effect" else found
-
-
 def in_company(
     scene: Scene,
     before: Trial[Explained],
@@ -401,25 +328,3 @@ def in_company(
 def only_overdamped(trial: Trial[Explained]) -> bool:
     """Whether nothing but dampings of the chain stands where none is."""
     return bool(trial.at_limits) and set(trial.at_limits) <= set(overdamped(trial.model.fitted))
-
-
-def selected(
-    scene: Scene,
-    before: Trial[Explained],
-    proposed: Callable[[Trial[Explained], tuple[str, ...]], Mapping[str, Trial[Explained]]],
-    tell: Callable[[str], None],
-    limits: Limits,
-) -> Selection[Explained]:
-    """What is found among the trials that are `proposed` beyond a trial with what was taken already."""
-    return select(
-        before,
-        proposed,
-        refine=lambda trial: ended(scene, trial) if may_be_named(before, trial) else trial,
-        tell=tell,
-        challenge=lambda present, best: challenged(scene, present, best),
-        limits=limits,
-        size=lambda trial: len(trial.model.fitted.model.parameters),
-        contains=lambda name: DRIVEN[name].contains,
-        nearly=lambda name: DRIVEN[name].nearly,
-        without=lambda trial, name: without(scene, trial, name),
-    )

@@ -1,5 +1,5 @@
-"""Whether two effects are what a search for one after the other has missed: named are only such as describe all moves,
-and of which neither can be spared."""
+"""Whether two effects are what a search for one after the other has missed, or another lies beside what was found:
+named are only such as describe all moves, and of which neither can be spared."""
 
 from __future__ import annotations
 
@@ -10,28 +10,29 @@ import numpy as np
 
 from service.dynamics.driven_model import DrivenEffect
 from service.dynamics.effects.driven_library import DRIVEN
+from service.dynamics.effects.driven_sensors import DrivenBias
+from service.identification.axis_selected import ANOTHER, FURTHER, SEEN_BESIDE, selected
 from service.identification.axis_verdict import finding_of
 from service.identification.explanation import Candidate
 from service.identification.held_out import DESCRIBED, Explained
 from service.identification.moves_finals import described
 from service.identification.moves_hidden import Near, hidden, leads
 from service.identification.moves_motors import CONTRADICTED, left_by_motors, nothing_left, reconciled
-from service.identification.moves_search import without
+from service.identification.moves_search import propose, without
 from service.identification.moves_together import added, pairs
 from service.identification.scene import Scene
 from service.identification.selection import (
     LEVEL,
     MATERIAL,
     NEAR,
+    Limits,
     Selection,
     Trial,
     alike,
     distance,
     gain_p_value,
+    left,
 )
-
-NEEDED = 0.25
-"""Share of the held-out RMS that each of two effects must remove beside the other (chosen: that of a further one)."""
 
 
 def with_two(
@@ -49,10 +50,10 @@ def with_two(
     best = trials[0]
     one, other = added(before, best)
     spared = {one: without(scene, best, one), other: without(scene, best, other)}
-    for name, left in ((one, spared[other]), (other, spared[one])):
-        if described(left) and distance(left) <= (1.0 + NEAR) * distance(best):
-            return as_found(before, found, left, {name: before}, ())
-    if any(best.held_rms > (1.0 - NEEDED) * trial.held_rms for trial in spared.values()):
+    for name, alone in ((one, spared[other]), (other, spared[one])):
+        if described(alone) and distance(alone) <= (1.0 + NEAR) * distance(best):
+            return as_found(before, found, alone, {name: before}, ())
+    if any(best.held_rms > (1.0 - FURTHER[0]) * trial.held_rms for trial in spared.values()):
         return found
     strongest = sorted(spared, key=lambda name: distance(spared[name]), reverse=True)
     rivals = [r for t in trials[1:] if (r := rival(before, best, t))]
@@ -86,18 +87,72 @@ def with_hidden(
     candidates = found.candidates + told.candidates
     best = told.after
     spared = {name: without(scene, best, name) for name in found.effects}
-    left, *more = spared.values()
-    if not more and described(left) and distance(left) <= (1.0 + NEAR) * distance(best):
+    alone, *more = spared.values()
+    if not more and described(alone) and distance(alone) <= (1.0 + NEAR) * distance(best):
         others = tuple(refused(one, told.effects) for one in found.candidates)
         return replace(
-            told, before=found.before, after=left, candidates=others + told.candidates, tried=found.tried
+            told, before=found.before, after=alone, candidates=others + told.candidates, tried=found.tried
         )
-    if any(best.held_rms > (1.0 - NEEDED) * trial.held_rms for trial in spared.values()):
+    if any(best.held_rms > (1.0 - FURTHER[0]) * trial.held_rms for trial in spared.values()):
         return found
     spared |= dict.fromkeys(told.effects, after)
     strongest = tuple(sorted(spared, key=lambda name: distance(spared[name]), reverse=True))
     both = replace(found, after=best, effects=strongest, candidates=candidates)
     return both if finding_of(both)[0] == "effect" else found
+
+
+def with_bias_seen(
+    scene: Scene, found: Selection[Explained], tell: Callable[[str], None]
+) -> Selection[Explained]:
+    """What was found, and beside it a zero that is seen to wander at rest, which explained too little of the moves to
+    be found before it."""
+    held = {effect.name for effect in found.after.model.fitted.model.effects}
+    if not (scene.zero_wanders and found.effects) or DrivenBias.name in held:
+        return found
+    tell(f"the accelerometer's zero wanders beside {' and '.join(found.effects)}")
+    return beside(scene, found, (DrivenBias,), SEEN_BESIDE, tell)
+
+
+def with_another(
+    scene: Scene,
+    found: Selection[Explained],
+    library: Sequence[type[DrivenEffect]],
+    tell: Callable[[str], None],
+) -> Selection[Explained]:
+    """What was found, and another of the library where both describe all moves, which it alone does not: nearly all
+    that is missing is the one, and what it leaves may be its law, or another effect that is small beside it."""
+    if finding_of(found)[0] != "effect" or left(found.after) <= ANOTHER.enough:
+        return found
+    others = tuple(kind for kind in library if kind.name not in found.effects)
+    tell(f"{' and '.join(found.effects)} leaves {left(found.after):.2f} of the noise: what is beside it")
+    both = beside(scene, found, others, ANOTHER, tell)
+    return both if described(both.after) else found
+
+
+def beside(
+    scene: Scene,
+    found: Selection[Explained],
+    kinds: Sequence[type[DrivenEffect]],
+    limits: Limits,
+    tell: Callable[[str], None],
+) -> Selection[Explained]:
+    """What was found, or that and one of these `kinds`, begun where its fit ended, if they are a finding together."""
+    more = selected(
+        scene,
+        found.after,
+        lambda present, taken: propose(scene, kinds, present, (*found.effects, *taken), tell),
+        tell,
+        limits,
+    )
+    told = tuple(one for one in more.candidates if one.effect in more.effects)
+    both = replace(
+        found,
+        after=more.after,
+        effects=found.effects + more.effects,
+        candidates=tuple(one for one in found.candidates if one.effect not in more.effects) + told,
+        rivals=found.rivals + more.rivals,
+    )
+    return both if more.effects and finding_of(both)[0] == "effect" else found
 
 
 def rival(

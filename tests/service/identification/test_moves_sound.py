@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from service.identification import axis_explain, moves_sound
+from service.identification.axis_selected import LIMITS
 from service.identification.moves_repeated import PureError
 from service.identification.moves_sound import with_impurities
 from service.identification.selection import Selection, Trial
@@ -116,6 +117,7 @@ def test_what_every_sound_machine_has_is_asked_for_where_nothing_else_explains_w
         return both
 
     monkeypatch.setattr(axis_explain, "selected", lambda *_: search)
+    monkeypatch.setattr(axis_explain, "with_another", lambda *_: search)
     monkeypatch.setattr(axis_explain, "with_two", lambda *_: search)
     monkeypatch.setattr(axis_explain, "in_company", lambda *_: search)
     monkeypatch.setattr(axis_explain, "with_impurities", impurities)
@@ -124,7 +126,7 @@ def test_what_every_sound_machine_has_is_asked_for_where_nothing_else_explains_w
     )
     present.model.fitted.model.effects = ()
     scene: Any = SimpleNamespace(smooth_left=1.05)
-    out = axis_explain.searched(scene, present, quiet, axis_explain.LIMITS)
+    out = axis_explain.searched(scene, present, quiet, LIMITS)
     assert out is (both if taken else search)
     assert bool(said) == asked
 
