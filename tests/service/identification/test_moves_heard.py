@@ -44,14 +44,16 @@ def test_what_an_effect_may_have_or_not_beside_its_amounts_is_fitted_last() -> N
 
 
 def test_how_moves_go_on_from_one_to_the_next_leads_to_the_swing(on_a_body: Fitted) -> None:
-    """Begun a little off, from what is heard; after so many rounds whatever the processor, while after half of them
-    one has arrived and the other is on its way."""
+    """Begun nearly a hundredth off, as what is heard may be, it ends within three thousandths, and the moves are
+    described: how closely it comes beyond that depends on where it began. After so many rounds whatever the processor,
+    while after half of them one has arrived and the other is on its way."""
     model, moves = on_a_body.model, [as_heard(on_a_body)]
-    begun = point_at(model, MACHINE | BODY | {"body_ratio": 0.28, "body_frequency": 9.05}, moves)
+    begun = point_at(model, MACHINE | BODY | {"body_ratio": 0.28, "body_frequency": 9.08}, moves)
     first = fit(moves, model, begun, 3)
     together = begun_as_left(first, 16)
     assert together.rms < 0.3 * first.rms
-    assert together.value("body_frequency") == pytest.approx(9.0, rel=0.002)
+    assert together.rms < 1.01
+    assert together.value("body_frequency") == pytest.approx(9.0, rel=0.003)
     assert begun_as_left(together, 2).rms <= together.rms
 
 
