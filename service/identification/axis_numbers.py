@@ -60,7 +60,7 @@ def covariance(found: Fitted) -> FloatArray:
         first += len(move_of)
     meat = np.stack(scores).T @ np.stack(scores) * len(scores) / max(1, len(scores) - 1)
     sandwich, plain = (H @ meat @ H)[:P, :P], H[:P, :P] * max(1.0, found.rms**2)
-    size = np.sqrt(np.maximum(np.diag(plain), np.diag(sandwich)) / np.maximum(np.diag(plain), 1e-300))
+    size = np.sqrt(np.maximum(np.diag(sandwich) / np.maximum(np.diag(plain), 1e-300), 1.0))
     return np.asarray(plain * np.outer(size, size))
 
 
@@ -85,6 +85,14 @@ def backlash_of(found: Fitted, axis: int) -> tuple[float, float]:
     laws = division_known(found, axis) ** 2 + (LAW * unseen_depth(found, axis)) ** 2
     variance = float(gradient @ covariance(found) @ gradient) + laws
     return b, float(np.hypot(np.sqrt(variance), max(1.0, found.rms) * np.hypot(floor, share * b)))
+
+
+def interval_95(found: Fitted, axis: int, foretold: float = 1.0) -> tuple[float, tuple[float, float]]:
+    """Backlash of an axis and its 95 % interval [m], with what the model lacks, of a fit that leaves so much of moves
+    that it has `foretold`, over what is expected."""
+    b, std = backlash_of(found, axis)
+    std = float(np.hypot(std * max(1.0, foretold), misfit(found, axis)))
+    return b, (max(0.0, b - 1.96 * std), b + 1.96 * std)
 
 
 def misfit(found: Fitted, axis: int) -> float:

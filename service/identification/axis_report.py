@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from service.backlash.moves_fit import Fitted
-from service.identification.axis_numbers import backlash_of, deviations, misfit
+from service.identification.axis_numbers import deviations, interval_95
 from service.identification.explanation import ErrorReport, Parameter, Prediction
 from service.identification.held_out import Explained, Held, rms
 from service.recording import FloatArray
@@ -16,8 +16,7 @@ def report(one: Explained, axis: int) -> ErrorReport:
     errors = held.errors[:, axis] * noise
     lagged = errors[:, :-1] * errors[:, 1:]
     train = train_errors(one.fitted, axis)
-    b, std = backlash_of(one.fitted, axis)
-    std = float(np.hypot(std * max(1.0, rms(held.weighed[:, axis])), misfit(one.fitted, axis)))
+    b, interval = interval_95(one.fitted, axis, rms(held.weighed[:, axis]))
     return ErrorReport(
         train_rms=rms(train) * noise,
         validation_rms=rms(errors),
@@ -25,7 +24,7 @@ def report(one: Explained, axis: int) -> ErrorReport:
         / max(rms(np.where(held.moves.used, held.moves.measured, np.nan)[:, axis]), 1e-300),
         whiteness=float(np.nanmean(lagged) / max(float(np.nanmean(errors**2)), 1e-300)),
         backlash=b,
-        interval_95=(max(0.0, b - 1.96 * std), b + 1.96 * std),
+        interval_95=interval,
         expected_rms=float(one.announced[axis]) * noise,
     )
 

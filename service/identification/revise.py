@@ -9,7 +9,7 @@ import numpy as np
 
 from service.backlash.moves_fit import Fitted, values_at
 from service.dynamics.effects.driven_library import DRIVEN
-from service.identification.axis_numbers import backlash_of
+from service.identification.axis_numbers import interval_95
 from service.identification.explanation import CannotExplain
 from service.identification.given_effects import begun_with, searched_for
 from service.identification.held_out import trial_of
@@ -65,8 +65,7 @@ def revised_values(
                 found = min(found, _begun_from(scene, there), key=lambda f: f.rms)
     values = {}
     for x, axis in enumerate(axes):
-        b, std = backlash_of(found, x)
-        values[axis] = RevisedValue(b, (max(0.0, b - 1.96 * std), b + 1.96 * std), found.rms)
+        values[axis] = RevisedValue(*interval_95(found, x), found.rms)
     return values
 
 

@@ -18,6 +18,7 @@ from service.identification.axis_numbers import (
     backlash_of,
     clearance_beside,
     division_known,
+    interval_95,
     misfit,
     unseen_depth,
 )
@@ -74,6 +75,9 @@ def test_what_a_model_leaves_of_the_moves_may_be_in_its_backlash(
     """By three hundredths of it for a residual that is as large as the noise, and nothing for noise."""
     one = replace(found, r=np.full(found.r.shape, left))
     assert misfit(one, 0) == pytest.approx(share * found.value("X1.backlash"), rel=0.01)
+    (b, (low, high)), (_, std) = interval_95(one, 0, 2.0), backlash_of(one, 0)
+    assert high - b == pytest.approx(1.96 * np.hypot(2.0 * std, misfit(one, 0)))
+    assert low == pytest.approx(max(0.0, 2.0 * b - high))
 
 
 @pytest.mark.parametrize(
