@@ -51,13 +51,24 @@ def with_two(
     one, other = added(before, best)
     spared = {one: without(scene, best, one), other: without(scene, best, other)}
     for name, alone in ((one, spared[other]), (other, spared[one])):
-        if described(alone) and distance(alone) <= (1.0 + NEAR) * distance(best):
+        if as_good(alone, best):
             return as_found(before, found, alone, {name: before}, ())
-    if any(best.held_rms > (1.0 - FURTHER[0]) * trial.held_rms for trial in spared.values()):
+    if not all_needed(best, spared):
         return found
     strongest = sorted(spared, key=lambda name: distance(spared[name]), reverse=True)
     rivals = [r for t in trials[1:] if (r := rival(before, best, t))]
     return as_found(before, found, best, {name: spared[name] for name in strongest}, rivals)
+
+
+def as_good(alone: Trial[Explained], best: Trial[Explained]) -> bool:
+    """Whether one effect alone describes all moves, about as well as the best two."""
+    return described(alone) and distance(alone) <= (1.0 + NEAR) * distance(best)
+
+
+def all_needed(best: Trial[Explained], spared: Mapping[str, Trial[Explained]]) -> bool:
+    """Whether each effect removes its share of the held-out RMS beside the others, by the trials in which it is
+    spared."""
+    return all(best.held_rms <= (1.0 - FURTHER[0]) * trial.held_rms for trial in spared.values())
 
 
 def with_hidden(
@@ -88,12 +99,12 @@ def with_hidden(
     best = told.after
     spared = {name: without(scene, best, name) for name in found.effects}
     alone, *more = spared.values()
-    if not more and described(alone) and distance(alone) <= (1.0 + NEAR) * distance(best):
+    if not more and as_good(alone, best):
         others = tuple(refused(one, told.effects) for one in found.candidates)
         return replace(
             told, before=found.before, after=alone, candidates=others + told.candidates, tried=found.tried
         )
-    if any(best.held_rms > (1.0 - FURTHER[0]) * trial.held_rms for trial in spared.values()):
+    if not all_needed(best, spared):
         return found
     spared |= dict.fromkeys(told.effects, after)
     strongest = tuple(sorted(spared, key=lambda name: distance(spared[name]), reverse=True))
