@@ -16,7 +16,7 @@ from service.identification.axis_verdict import finding_of
 from service.identification.explanation import Candidate
 from service.identification.held_out import DESCRIBED, Explained
 from service.identification.moves_finals import described
-from service.identification.moves_hidden import Near, hidden, leads
+from service.identification.moves_hidden import Near, hidden, may_lead
 from service.identification.moves_motors import CONTRADICTED, left_by_motors, nothing_left, reconciled
 from service.identification.moves_search import propose, without
 from service.identification.moves_together import added, pairs
@@ -87,7 +87,7 @@ def with_hidden(
         return found
     if after.train_rms > DESCRIBED or float(np.max(left_by_motors(after.model.fitted))) <= CONTRADICTED:
         return found
-    if not leads(scene, after, kinds, near):
+    if not may_lead(scene, after, kinds, near):
         return found
     tell(f"the motors contradict the model with {' and '.join(found.effects)}: what hides beside it")
     told = hidden(scene, after, kinds, len(DRIVEN), tell, near)

@@ -37,6 +37,7 @@ from service.identification.moves_valleys import (
     begun_near,
     comes_nearer,
     left_at_present,
+    nearest_with_motors,
     valleys,
     worth_following,
 )
@@ -158,10 +159,28 @@ def leads(scene: Scene, before: Trial[Explained], kinds: Sequence[type[DrivenEff
     """Whether one of these `kinds`, begun near by, comes nearer to a few moves and their motors than the model before:
     then it is likely there, and else another effect may well be that takes less time to find. What was begun is kept
     in `near` for the search."""
+    begin_near(scene, before, kinds, near)
+    return any(comes_nearer(before.model.fitted, begun) for begun in near.values())
+
+
+def may_lead(scene: Scene, before: Trial[Explained], kinds: Sequence[type[DrivenEffect]], near: Near) -> bool:
+    """Whether one of these `kinds`, begun near by, takes enough of what shows to be followed; what was begun is kept in
+    `near` for the search."""
+    begin_near(scene, before, kinds, near)
+    base = before.model.fitted
+    return any(
+        worth_following(left_at_present(begun.few, base), nearest_with_motors(begun))
+        for begun in near.values()
+    )
+
+
+def begin_near(
+    scene: Scene, before: Trial[Explained], kinds: Sequence[type[DrivenEffect]], near: Near
+) -> None:
+    """Begins what is not begun yet."""
     base = before.model.fitted
     for one in candidates(base.model, kinds, ()):
         near[one.name] = near.get(one.name) or begun_near(scene, base, one)
-    return any(comes_nearer(base, begun) for begun in near.values())
 
 
 def promising(

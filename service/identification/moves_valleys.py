@@ -119,7 +119,12 @@ def valleys(
 
 def comes_nearer(found: Fitted, near: Begun) -> bool:
     """Whether what was begun near by comes `AHEAD` of the present fit on a few moves and their motors."""
-    return min(f.rms_with_motors for f in near.fits) < AHEAD * left_at_present(near.few, found)
+    return nearest_with_motors(near) < AHEAD * left_at_present(near.few, found)
+
+
+def nearest_with_motors(begun: Begun) -> float:
+    """RMS that the nearest of what was begun leaves of its moves and their motors."""
+    return min(f.rms_with_motors for f in begun.fits)
 
 
 def begun_near(scene: Scene, found: Fitted, candidate: Candidate, seed: int = SEED) -> Begun:

@@ -132,7 +132,7 @@ def hides(
     monkeypatch.setattr(axis_pairs, "left_by_motors", lambda fitted: fitted.left_by_motors)
     monkeypatch.setattr(axis_pairs, "finding_of", lambda one: (finding, one.effects))
     monkeypatch.setattr(axis_pairs, "nothing_left", lambda _fitted: nothing)
-    monkeypatch.setattr(axis_pairs, "leads", lambda *_: leads)
+    monkeypatch.setattr(axis_pairs, "may_lead", lambda *_: leads)
     monkeypatch.setattr(axis_pairs, "hidden", hidden)
     monkeypatch.setattr(axis_pairs, "without", lambda *_: trial(spared, CLEARANCE))
     kinds = cast(Any, (SimpleNamespace(name=CLEARANCE),))

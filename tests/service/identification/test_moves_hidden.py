@@ -528,3 +528,22 @@ def test_nothing_is_judged_where_the_held_out_moves_have_no_torque(found: Any) -
     assert as_heard_by_motors(before).validation_rms == 0.0
     selection = hidden(cast(Any, None), before, HIDDEN, 20, lambda _text: None)
     assert (selection.effects, selection.candidates, selection.hinted) == ((), (), False)
+
+
+@pytest.mark.parametrize(
+    ("nearest", "follows"),
+    [(1.104, True), (1.14, False), (1.13, False)],
+    ids=["a third", "chance", "a seventh"],
+)
+def test_beside_what_was_found_a_gap_that_takes_a_share_of_little_is_followed(
+    monkeypatch: pytest.MonkeyPatch, nearest: float, follows: bool
+) -> None:
+    """Beside Stribeck friction a second gap, begun near by, left 1.104 of 1.148 of a few moves and their motors."""
+    begun: Any = SimpleNamespace(few=(), fits=[SimpleNamespace(rms_with_motors=r) for r in (3.0, nearest)])
+    before: Any = SimpleNamespace(model=SimpleNamespace(fitted=SimpleNamespace(model=None)))
+    monkeypatch.setattr(moves_hidden, "candidates", lambda *_: [SimpleNamespace(name="gearbox_clearance")])
+    monkeypatch.setattr(moves_hidden, "begun_near", lambda *_: begun)
+    monkeypatch.setattr(moves_hidden, "left_at_present", lambda *_: 1.148)
+    near: Any = {}
+    assert moves_hidden.may_lead(cast(Any, None), before, (), near) is follows
+    assert near == {"gearbox_clearance": begun}
