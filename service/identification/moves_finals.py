@@ -48,6 +48,9 @@ OF_DESCRIBED = 4
 """How many of those that describe the moves that were fitted are finished however they foretell the others (chosen)."""
 LEADERS = 3
 """How many of those that are nearest to the moves that were fitted are tried on each other's machines (chosen)."""
+TAKEN = 1.0 / 4.0
+"""Share of what shows in moves that an effect takes before its fit is finished, where its fits are (chosen: right ones
+took seven tenths and more, ten of ten)."""
 BEHIND = 1.5
 """How much farther from the moves than the best a fit may be and still be finished (chosen)."""
 
@@ -56,7 +59,10 @@ def finished(
     scene: Scene, present: Trial[Explained], trials: Mapping[str, Trial[Explained]]
 ) -> dict[str, Trial[Explained]]:
     """The trials, those of the finalists finished: first what describes the moves that it was fitted to with numbers
-    that such an effect has, and all others, too, unless it ends where it describes the other moves."""
+    that such an effect has, and all others, too, unless it ends where it describes the other moves. None, where not
+    much shows in these moves, and none takes a part of that or of what shows in the others."""
+    if present.train_rms < HOPELESS and not any(takes(present, trial) for trial in trials.values()):
+        return dict(trials)
     last = finalists(present, trials)
     likely = [n for n in last if trials[n].train_rms <= LEFT_BY_CLEAN and not trials[n].at_limits]
     if likely and any(trials[name].at_limits for name in last):
@@ -64,6 +70,15 @@ def finished(
         if any(described(trials[name]) for name in likely):
             return dict(trials)
     return finished_of(scene, present, trials, last)
+
+
+def takes(present: Trial[Explained], trial: Trial[Explained]) -> bool:
+    """Whether an effect takes a part of what shows in the moves that were fitted, or in the others."""
+    shares = (
+        (present.train_rms, trial.train_rms),
+        (present.validation_rms, trial.validation_rms),
+    )
+    return any(gone(before, after, TAKEN) for before, after in shares)
 
 
 def finished_of(
