@@ -19,10 +19,11 @@ def explain_captures(
     predictions: Path | None,
     report: Path | None,
     tell: Callable[[str], None],
+    patience: float = 1.0,
 ) -> dict[str, Any]:
     """Explain recorded runs; the JSON object of ``flankwatch explain``.
 
-    ``predictions`` (Parquet) and ``report`` (HTML) are written where they are given.
+    ``predictions`` (Parquet) and ``report`` (HTML) are written where they are given; ``patience`` as for ``explain``.
 
     Raises
     ------
@@ -30,7 +31,7 @@ def explain_captures(
     """
     recordings = [read_capture(path) for path in train]
     judging = read_capture(validate)
-    explanation = explain(recordings, judging, tell)
+    explanation = explain(recordings, judging, tell, patience=patience)
     found, columns = explanation.as_json(), explanation.predictions()
     if predictions is not None:
         write_predictions(columns, predictions)

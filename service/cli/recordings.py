@@ -55,6 +55,9 @@ def explain(
         typer.Option("--predictions", help="Parquet to write the predictions before and after to."),
     ] = None,
     report: Annotated[Path | None, typer.Option("--report", help="HTML page to write.")] = None,
+    patience: Annotated[
+        float, typer.Option(min=0.1, help="How many times longer than usual captures are searched.")
+    ] = 1.0,
     url: UrlOption = LOCAL_SERVICE,
 ) -> None:
     """Find what the declared model of each axis lacks, and report the error before and after adding it."""
@@ -71,7 +74,7 @@ def explain(
             found = _explain_run(run, url, predictions, report, tell)
         else:
             assert train and validate
-            found = _explain_files(train, validate, predictions, report, tell)
+            found = _explain_files(train, validate, predictions, report, tell, patience)
     if as_json:
         print_json(found)
     else:
@@ -84,13 +87,16 @@ def _explain_files(
     predictions: Path | None,
     report: Path | None,
     tell: Callable[[str], None],
+    patience: float,
 ) -> dict[str, Any]:
     from service.captures import CaptureError
     from service.explaining import explain_captures
     from service.identification.explanation import CannotExplain
 
     try:
-        return explain_captures(train, validate, predictions=predictions, report=report, tell=tell)
+        return explain_captures(
+            train, validate, predictions=predictions, report=report, tell=tell, patience=patience
+        )
     except (CaptureError, CannotExplain, OSError) as error:
         complain(str(error))
         raise typer.Exit(1) from None

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.driven_exponential import ORDER, J, halvings
 from service.dynamics.driven_kernel import HOPELESS, Arrays, propagate
+from service.dynamics.work import count
 from service.recording import FloatArray
 
 CONSTANTS = 2
@@ -165,6 +166,8 @@ def rate_in(stiff: FloatArray, loss: FloatArray, moves: FloatArray) -> FloatArra
     return np.asarray(np.sqrt(squared) + rate)
 
 
+PER_RUN = 4e5
+"""What a run takes however little is simulated, in squared states at grid points (measured)."""
 KNOWN = 128
 """Contact states whose exponentials are kept; when there are more, they are found again."""
 
@@ -181,6 +184,7 @@ def run(system: LinearSystem, x0: FloatArray, c: FloatArray, constants: FloatArr
     """
     S, n, U = system.B.shape
     G = system.k.shape[1]
+    count(S * c.shape[1] * c.shape[2] * n**2 + PER_RUN)
     B, of, extent, table = tabulated(system)
     law, forced = np.stack((system.k, system.d), axis=2), forced_forms(system)
     of_pieces = pieces(system)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from service.dynamics.driven_model import DrivenEffect
 from service.dynamics.effects.driven_library import DRIVEN
 from service.dynamics.effects.driven_sensors import DrivenBias
+from service.dynamics.work import counted, given_up, up_to
 from service.identification.axis_pairs import with_another, with_bias_seen, with_hidden, with_two
 from service.identification.axis_selected import BEYOND, FURTHER, LIMITS, MATERIAL, WITNESSED, selected
 from service.identification.axis_verdict import finding_of, little, verdict
@@ -28,7 +30,7 @@ from service.identification.moves_motors import (
     reconciled,
 )
 from service.identification.moves_repeated import pure_error
-from service.identification.moves_search import challenged, propose
+from service.identification.moves_search import SEARCH, challenged, propose
 from service.identification.moves_sound import with_impurities
 from service.identification.moves_starts import TOO_MUCH
 from service.identification.scene import Scene, declared_fits, scene_of
@@ -53,6 +55,18 @@ numbers that are not known could do that, too."""
 SWINGING = tuple(kind for kind in DRIVEN.values() if kind.free_swing is not None)
 """What swings, and is asked for at all frequencies where nothing else is found with which the motors agree."""
 
+WHOLE, OF_TWO = 3.5e10, 3.0
+"""What is simulated of one axis, in squared states at grid points, until nothing is searched any more (chosen: about
+three minutes of one core; of twelve machines that had taken longest to name none took more than 2e10); and how much
+more of two axes that move together."""
+FIRST, TOGETHER, LAST = 0.4, 0.85, 1.0
+"""Shares of it after which what may be hidden is not searched before all else, after which two effects together are
+not, and after which nothing is (chosen)."""
+CUT_SHORT = (
+    "the search was ended after what takes some minutes: not every effect was followed to its end, or not all was "
+    "asked for that might be hidden (flankwatch explain --patience 5 goes on longer)"
+)
+
 
 def explain_axes(
     train: Sequence[Recording],
@@ -60,14 +74,18 @@ def explain_axes(
     axes: Sequence[str],
     tell: Callable[[str], None] = lambda _message: None,
     accepted: Mapping[str, Accepted] | None = None,
+    patience: float = 1.0,
 ) -> tuple[AxisExplanation, ...]:
     """The verdicts on one axis, or on the two that move together, in the acceleration channel.
 
-    What they are `accepted` to have, by axis, is in the model before anything is searched, if the moves show it.
+    What they are `accepted` to have, by axis, is in the model before anything is searched, if the moves show it. Of a
+    search that takes more than `WHOLE` times `patience` the rest is left out, and the evidence says so.
     """
     expected, there = names_of(accepted or {}, axes), tuple[str, ...]()
     tell(f"{' and '.join(axes)}: fitting the declared model")
-    with np.errstate(all="ignore"):  # a random machine may be unstable; its cost counts as infinite
+    whole = patience * WHOLE * (OF_TWO if len(axes) > 1 else 1.0)
+    # A random machine may be unstable; its cost counts as infinite.
+    with np.errstate(all="ignore"), counted(whole):
         library = tuple(DRIVEN.values())
         scene = scene_of(train, validate, tuple(axes), tuple(axes) in validate.gantry, library)
         before = ended(scene, trial_of(scene, declared_end(declared_fits(scene), 12, scene.smooth_left)))
@@ -86,9 +104,19 @@ def explain_axes(
         if scene.clipped:  # what is cut off looks like many an effect: nothing is named that was fitted to it
             tell(f"the accelerometer of {' and '.join(scene.clipped)} was over its range")
             return verdict(scene, nothing_beyond(before), there, absent)
-        found = with_bias_seen(scene, missing_in(scene, before, there, tell), tell)
-        found = with_hidden(scene, found, HIDDEN, tell)
-        return verdict(scene, found, there, absent)
+        found = missing_in(scene, before, there, tell)
+        found = up_to(LAST, partial(with_bias_seen, scene, found, tell), found)
+        found = up_to(LAST, partial(with_hidden, scene, found, HIDDEN, tell), found)
+        cut_short = given_up() > 0
+        if cut_short and not found.effects:
+            found = replace(found, hinted=True)
+        explained = verdict(scene, found, there, absent)
+        return tuple(with_note(one, CUT_SHORT) for one in explained) if cut_short else explained
+
+
+def with_note(explained: AxisExplanation, note: str) -> AxisExplanation:
+    """The verdict with one more line of evidence."""
+    return replace(explained, evidence=(*explained.evidence, note))
 
 
 def nothing_beyond(trial: Trial[Explained]) -> Selection[Explained]:
@@ -162,7 +190,8 @@ def beyond_motors(
     unknown = finding_of(found)[0] == "unknown" and before.train_rms < TOO_MUCH
     if not (unknown and leads(scene, before, HIDDEN, near)):
         return found
-    told = hidden(scene, before, HIDDEN, len(DRIVEN), tell, near)
+    nothing = nothing_beyond(before)
+    told = up_to(LAST, lambda: hidden(scene, before, HIDDEN, len(DRIVEN), tell, near), nothing)
     taken = told if told.effects and describes_motors(before, told.after) else found
     return replace(taken, candidates=found.candidates + told.candidates)
 
@@ -201,7 +230,12 @@ def contradicted(
     witnessed = as_heard_by_motors(before).validation_rms > 0.0
     imitated = before.train_rms < SOUND if plainly else before.train_rms <= DESCRIBED
     asked_first = witnessed and imitated and leads(scene, before, HIDDEN, near)
-    first = hidden(scene, before, HIDDEN, len(DRIVEN), tell, near) if asked_first else None
+    nothing = nothing_beyond(before)
+
+    def asked(share: float) -> Selection[Explained]:
+        return up_to(share, lambda: hidden(scene, before, HIDDEN, len(DRIVEN), tell, near), nothing)
+
+    first = asked(FIRST) if asked_first else None
     if first and first.effects:
         elsewhere = challenged(scene, before, first.after)
         needed = nothing_left(first.after.model.fitted) and not reconciled(before, elsewhere)
@@ -218,7 +252,9 @@ def contradicted(
         swung = selected(
             scene,
             before,
-            lambda _, taken: {} if taken else swinging(scene, before, SWINGING, tell),
+            lambda _, taken: (
+                {} if taken else up_to(LAST, partial(swinging, scene, before, SWINGING, tell), {})
+            ),
             tell,
             LIMITS,
         )
@@ -226,7 +262,7 @@ def contradicted(
             again = {candidate.effect for candidate in swung.candidates}
             others = tuple(one for one in beside.candidates if one.effect not in again)
             return replace(swung, candidates=others + swung.candidates)
-    found = first or hidden(scene, before, HIDDEN, len(DRIVEN), tell, near)
+    found = first or asked(LAST)
     told_of = bool(found.effects) and tells_of_it(before, found.after)
     if told_of and not (finding_of(beside)[0] == "effect" and describes_better(before, beside, found)):
         return found
@@ -266,31 +302,52 @@ def searched(
     """What is found in the library, `but` for some, one after the other, or two that are found together only,
     where it ends unknown or with more left than how a law differs; with `first`, of which there is other evidence,
     begun with nothing else and however little is missing. Where it ends unknown, what every sound machine has may be
-    all, if that was not asked before."""
+    all, if that was not asked before. Where the effects were not all followed to their ends, since that took more than
+    a search may, one has its name only if it describes all moves."""
     held = {effect.name for effect in before.model.fitted.model.effects} | {kind.name for kind in but}
     library = tuple(kind for kind in DRIVEN.values() if kind.name not in held)
+    cut_short = False
+
+    def proposed(present: Trial[Explained], taken: tuple[str, ...]) -> Mapping[str, Trial[Explained]]:
+        nonlocal cut_short
+        if taken:
+            return up_to(SEARCH, partial(propose, scene, library, present, taken, tell), {})
+        before_this = given_up()
+        trials = propose(scene, first or library, present, taken, tell)
+        cut_short = given_up() > before_this
+        return trials
+
     found = selected(
         scene,
         before,
-        lambda present, taken: propose(
-            scene, first if first and not taken else library, present, taken, tell
-        ),
+        proposed,
         tell,
         replace(limits, enough=0.0) if first else limits,
     )
+    if cut_short and not describes_all(before, found.after):
+        found = unnamed(found)
     if first:
         return found
-    found = with_another(scene, found, library, tell)
+    found = up_to(TOGETHER, partial(with_another, scene, found, library, tell), found)
     if finding_of(found)[0] != "unknown" and left(found.after) <= FURTHER[1]:
         return found
     if left(before) > FURTHER[1]:
-        found = with_two(scene, before, found, library, tell)
+        found = up_to(TOGETHER, partial(with_two, scene, before, found, library, tell), found)
     if finding_of(found)[0] != "unknown":
         return found
-    found = in_company(scene, before, found, library, tell)
+    found = up_to(TOGETHER, partial(in_company, scene, before, found, library, tell), found)
     if asked_of_impurities(scene, before) or finding_of(found)[0] != "unknown":
         return found
-    return only_impurities(with_impurities(scene, before, tell)) or found
+    return up_to(LAST, lambda: only_impurities(with_impurities(scene, before, tell)), None) or found
+
+
+def unnamed(found: Selection[Explained]) -> Selection[Explained]:
+    """The outcome without the effects that were found, where others were not followed to their ends."""
+    why = "not all others were followed to their ends"
+    candidates = tuple(
+        replace(one, accepted=False, why=why) if one.accepted else one for one in found.candidates
+    )
+    return replace(found, after=found.before, effects=(), candidates=candidates, rivals=())
 
 
 def in_company(

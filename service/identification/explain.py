@@ -27,6 +27,7 @@ def explain(
     validate: Recording,
     tell: Callable[[str], None] = lambda _message: None,
     accepted: Mapping[str, Accepted] = NOTHING,
+    patience: float = 1.0,
 ) -> Explanation:
     """What the model of each axis lacks: the declared one, or the one that was accepted since.
 
@@ -38,6 +39,7 @@ def explain(
     tell : called with a line of progress now and then
     accepted : by axis, what its model has by an accepted revision, as far as diagnostic moves tell; beyond it is
         searched as long as the moves show it, and else beyond the declared model
+    patience : how much longer than a few minutes at most what moves lack is searched for; 2 is twice as long
 
     Raises
     ------
@@ -47,7 +49,7 @@ def explain(
     compiled_apart()
     found: list[AxisExplanation] = []
     for axes in _groups(validate):
-        found += _explain_group(train, validate, axes, tell, accepted)
+        found += _explain_group(train, validate, axes, tell, accepted, patience)
     return Explanation(tuple(found))
 
 
@@ -70,11 +72,12 @@ def _explain_group(
     axes: tuple[str, ...],
     tell: Callable[[str], None],
     accepted: Mapping[str, Accepted],
+    patience: float,
 ) -> list[AxisExplanation]:
     everything = (*train, validate)
     if all((a, c) in r.traces for r in everything for a in axes for c in ("motor_speed", "acceleration")):
         _moves_allow(everything, axes)
-        return list(explain_axes(train, validate, axes, tell, accepted))
+        return list(explain_axes(train, validate, axes, tell, accepted, patience))
     found = []
     for axis in axes:
         one = _explain_regression(train, validate, axis, tell)

@@ -6,12 +6,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from service.backlash.moves_fit import Fitted, fit, values_at
 from service.backlash.moves_point import Point, width
 from service.dynamics.driven_model import DrivenEffect
+from service.dynamics.work import up_to
 from service.identification.held_out import DESCRIBED, Explained, judged_rms, trial_of
 from service.identification.moves_carried import (
     SECOND,
@@ -50,6 +52,9 @@ from service.identification.selection import UNKNOWN_NUMBERS, Trial, distance
 
 PROMISING = 4
 """Effects that are fitted further after a first look at all."""
+SEARCH = 0.75
+"""Share of all that may be simulated after which no effect is followed further (chosen: what may be hidden, and two
+effects together, are asked for after this)."""
 HARDLY_NEARER = 0.99
 """RMS on a few moves, over that of the present fit, from which on an effect explains nothing of what is missing
 (chosen: a parameter more gains a few parts in ten thousand)."""
@@ -75,6 +80,22 @@ def propose(
     if not (trials and spared) or any(describes_all(present, trial) for trial in trials.values()):
         return trials
     tell("what describes a few moves does not describe the others: the other effects, from strong starts")
+    return up_to(
+        SEARCH, lambda: with_spared(scene, present, base, spared, brief, taken, trials, tell), trials
+    )
+
+
+def with_spared(
+    scene: Scene,
+    present: Trial[Explained],
+    base: Fitted,
+    spared: Sequence[Candidate],
+    brief: Mapping[str, list[Brief]],
+    taken: tuple[str, ...],
+    trials: dict[str, Trial[Explained]],
+    tell: Callable[[str], None],
+) -> dict[str, Trial[Explained]]:
+    """The trials, with those of what was `spared` its strong starts from these, too."""
     strong, _ = compared(scene, base, spared, np.inf, taken, sparing=False)
     nearer = [c for c in spared if strong[c.name][0].rms < RIDGE * brief[c.name][0].rms]
     again = proposed(scene, present, base, nearer, strong, {}, taken, tell) if nearer else {}
@@ -111,22 +132,46 @@ def proposed(
         first, *others[name] = refitted(base, fits, enough)
         found[name] = min((first, *(f for at, f in coupled.items() if at == name)), key=lambda f: f.rms)
         tell(f"tried {name}: {found[name].rms:.3f} (now {base.rms:.3f})")
+    up_to(SEARCH, lambda: led_nearer(scene, base, found, brief, tried), None)
+    trials = {
+        name: min((tried_first(scene, present, one) for one in (f, *others[name])), key=distance)
+        for name, f in found.items()
+    }
+    steps: tuple[Callable[[dict[str, Trial[Explained]]], Mapping[str, Trial[Explained]]], ...] = (
+        lambda trials: {c.name: in_best_shape(scene, base, c, trials[c.name]) for c in tried},
+        lambda trials: finished(scene, present, trials),
+        lambda trials: beside_likeness(scene, present, base, tried, trials),
+        lambda trials: best_in_other_shapes(scene, base, tried, trials),
+        lambda trials: by_other_laws(scene, present, tried, trials),
+        lambda trials: as_near(scene, present, trials),
+    )
+    for further in steps:
+        trials = {**trials, **up_to(SEARCH, partial(further, trials), trials)}
+    return trials
+
+
+def led_nearer(
+    scene: Scene,
+    base: Fitted,
+    found: dict[str, Fitted],
+    brief: Mapping[str, Sequence[Brief]],
+    tried: Sequence[Candidate],
+) -> None:
+    """The fits begun once more where they are far behind, or where what swings is heard and nothing is near, and the
+    best continued."""
     begun_again(base, found, brief, tried)
     if min(f.rms for f in found.values()) > HOPELESS:
         for c in tried:
             found[c.name] = min((found[c.name], *heard(scene, base, c)), key=lambda f: f.rms)
     fitted_on(base, found, tried)
-    trials = {
-        name: min((tried_first(scene, present, one) for one in (f, *others[name])), key=distance)
-        for name, f in found.items()
-    }
-    trials = {c.name: in_best_shape(scene, base, c, trials[c.name]) for c in tried}
-    trials = finished(scene, present, trials)
-    trials = trials | beside_likeness(scene, present, base, tried, trials)
+
+
+def best_in_other_shapes(
+    scene: Scene, base: Fitted, tried: Sequence[Candidate], trials: Mapping[str, Trial[Explained]]
+) -> dict[str, Trial[Explained]]:
+    """The best of the trials, begun in the effect's other shapes, too."""
     best = min(tried, key=lambda c: distance(trials[c.name]))
-    trials = trials | {best.name: in_other_shapes(scene, base, best, trials[best.name])}
-    trials = trials | by_other_laws(scene, present, tried, trials)
-    return trials | as_near(scene, present, trials)
+    return {best.name: in_other_shapes(scene, base, best, trials[best.name])}
 
 
 def tried_first(scene: Scene, present: Trial[Explained], found: Fitted) -> Trial[Explained]:

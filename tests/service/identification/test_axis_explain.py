@@ -63,6 +63,14 @@ def test_a_late_sensor_is_named_alone_and_the_value_set_right(shared_dir: Path) 
     assert again.before.backlash == pytest.approx(b, abs=1e-6)
 
 
+def test_a_search_that_is_cut_short_says_so_and_calls_nothing_sound(shared_dir: Path) -> None:
+    folder = shared_dir / "captures"
+    train, validate = (read_capture(folder / f"sensor_latency-{p}.parquet") for p in ("train", "validate"))
+    axis = explain([train], validate, patience=0.01).axes[0]
+    assert (axis.finding, axis.effects) in (("effect", ("sensor_latency",)), ("unknown", ()))
+    assert any("the search was ended" in line and "--patience" in line for line in axis.evidence)
+
+
 def test_what_was_accepted_and_does_not_show_is_said_to_be_absent(shared_dir: Path) -> None:
     folder = shared_dir / "captures"
     train, validate = (read_capture(folder / f"none-{part}.parquet") for part in ("train", "validate"))

@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from service.dynamics.work import count, counted, up_to
 from service.identification import axis_explain
 from service.identification.axis_explain import HIDDEN, missing_in
 from service.identification.axis_selected import BEYOND, LIMITS, WITNESSED
 from service.identification.explanation import Candidate
 from service.identification.moves_repeated import PureError
+from service.identification.moves_search import SEARCH
 from service.identification.selection import Selection, Trial
 from tests.service.identification.a_search import heard, motors_leave, trial
 
@@ -212,3 +214,40 @@ def test_what_explains_nearly_all_but_for_its_chain_is_searched_for_company(
         assert (asked[0].enough, asked[0].most) == (0.0, 1)
     else:
         assert out is alone
+
+
+@pytest.mark.parametrize(
+    ("amount", "left", "effects"),
+    [(1.0, 1.6, ("sensor_gain",)), (9.0, 1.6, ()), (9.0, 1.02, ("sensor_gain",))],
+    ids=["all were followed", "not all were", "it describes all"],
+)
+def test_where_not_all_were_followed_to_their_ends_only_what_describes_all_is_named(
+    monkeypatch: pytest.MonkeyPatch, amount: float, left: float, effects: tuple[str, ...]
+) -> None:
+    before, after = trial(3.0, 3.0), trial(left, left)
+    before.model.fitted = SimpleNamespace(model=SimpleNamespace(effects=()))
+    taken = Candidate("sensor_gain", left, 1e-9, True, "significant")
+
+    def propose(*_: Any) -> dict[str, Trial[Any]]:
+        for _round in range(2):
+            up_to(SEARCH, lambda: count(amount), None)
+        return {"sensor_gain": after}
+
+    def selected(_scene: Any, begun: Trial[Any], proposed: Any, *_: Any) -> Selection[Any]:
+        (best,) = proposed(begun, ()).values()
+        return Selection(begun, best, ("sensor_gain",), (taken,), ())
+
+    monkeypatch.setattr(axis_explain, "propose", propose)
+    monkeypatch.setattr(axis_explain, "selected", selected)
+    monkeypatch.setattr(
+        axis_explain, "finding_of", lambda found: ("effect" if found.effects else "unknown", ())
+    )
+    monkeypatch.setattr(axis_explain, "left", lambda _trial: 1.0)
+    monkeypatch.setattr(axis_explain, "asked_of_impurities", lambda *_: True)
+    monkeypatch.setattr(axis_explain, "with_another", lambda _scene, found, *_: found)
+    nothing: Any = None
+    with counted(10.0):
+        found = axis_explain.searched(nothing, before, lambda _text: None, LIMITS)
+    assert found.effects == effects
+    assert found.after is (after if effects else before)
+    assert [candidate.accepted for candidate in found.candidates] == [bool(effects)]
