@@ -64,6 +64,12 @@ def explain(
     if (run is None) == (not train or validate is None):
         complain("give --train FILE and --validate FILE, or --run ID of the running service")
         raise typer.Exit(2)
+    if run is not None and patience != 1.0:
+        complain(
+            "the service searches a run as long as usual; give the files of its captures directory as --train FILE and "
+            "--validate FILE to search longer"
+        )
+        raise typer.Exit(2)
     with progress_bar() as bar:
         task = bar.add_task("explain", total=None)
 

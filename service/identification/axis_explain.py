@@ -64,7 +64,7 @@ FIRST, TOGETHER, LAST = 0.4, 0.85, 1.0
 not, and after which nothing is (chosen)."""
 CUT_SHORT = (
     "the search was ended after what takes some minutes: not every effect was followed to its end, or not all was "
-    "asked for that might be hidden (flankwatch explain --patience 5 goes on longer)"
+    "asked for that might be hidden; flankwatch explain --patience 5 with the recordings' files goes on longer"
 )
 
 

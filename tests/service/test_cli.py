@@ -217,6 +217,13 @@ def test_explain_does_not_judge_on_what_it_fitted(shared_dir: Path) -> None:
     assert "same recording" in result.stderr
 
 
+def test_patience_is_for_recordings_not_for_runs() -> None:
+    result = call("explain", "--run", 1, "--patience", 5)
+    assert result.exit_code == 2
+    assert "as long as usual" in result.stderr
+    assert call("explain", "--run", 1, "--patience", 0).exit_code == 2
+
+
 def test_plan_proposes_a_step_for_an_axis_of_the_configuration() -> None:
     config = Path(__file__).parents[2] / "deploy" / "flankwatch.toml"
     result = CliRunner().invoke(app, ["plan", "Y", "--config", str(config), "--json"])
