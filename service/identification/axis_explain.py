@@ -55,10 +55,10 @@ numbers that are not known could do that, too."""
 SWINGING = tuple(kind for kind in DRIVEN.values() if kind.free_swing is not None)
 """What swings, and is asked for at all frequencies where nothing else is found with which the motors agree."""
 
-WHOLE, OF_TWO = 3.5e10, 3.0
+WHOLE, OF_TWO = 5e10, 3.0
 """What is simulated of one axis, in squared states at grid points, until nothing is searched any more (chosen: about
-three minutes of one core; of twelve machines that had taken longest to name none took more than 2e10); and how much
-more of two axes that move together."""
+four minutes of one core; what was named took 2e10 at most, and a clean machine of which nothing was found 3e10); and
+how much more of two axes that move together."""
 FIRST, TOGETHER, LAST = 0.4, 0.85, 1.0
 """Shares of it after which what may be hidden is not searched before all else, after which two effects together are
 not, and after which nothing is (chosen)."""
