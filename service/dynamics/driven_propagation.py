@@ -167,7 +167,7 @@ def rate_in(stiff: FloatArray, loss: FloatArray, moves: FloatArray) -> FloatArra
 
 
 PER_RUN = 4e5
-"""What a run takes however little is simulated, in squared states at grid points (measured)."""
+"""What a run takes however little is simulated, in squared states at grid points (chosen)."""
 KNOWN = 128
 """Contact states whose exponentials are kept; when there are more, they are found again."""
 

@@ -12,7 +12,7 @@ from service.dynamics.driven_model import DrivenEffect
 from service.dynamics.effects.driven_library import DRIVEN
 from service.dynamics.effects.driven_sensors import DrivenBias
 from service.dynamics.work import counted, given_up, up_to
-from service.identification.axis_pairs import with_another, with_bias_seen, with_hidden, with_two
+from service.identification.axis_pairs import refused, with_another, with_bias_seen, with_hidden, with_two
 from service.identification.axis_selected import BEYOND, FURTHER, LIMITS, MATERIAL, WITNESSED, selected
 from service.identification.axis_verdict import finding_of, little, verdict
 from service.identification.explanation import Accepted, AxisExplanation, Candidate
@@ -56,9 +56,9 @@ SWINGING = tuple(kind for kind in DRIVEN.values() if kind.free_swing is not None
 """What swings, and is asked for at all frequencies where nothing else is found with which the motors agree."""
 
 WHOLE, OF_TWO = 5e10, 3.0
-"""What is simulated of one axis, in squared states at grid points, until nothing is searched any more (chosen: about
-four minutes of one core; what was named took 2e10 at most, and a clean machine of which nothing was found 3e10); and
-how much more of two axes that move together."""
+"""What is simulated of one axis, in squared states at grid points, until nothing is searched any more (chosen:
+five minutes of one core beside other work; of the right names that took longest none took more than 2e10, and a
+clean machine of which nothing was found took 3e10); and how much more of two axes that move together."""
 FIRST, TOGETHER, LAST = 0.4, 0.85, 1.0
 """Shares of it after which what may be hidden is not searched before all else, after which two effects together are
 not, and after which nothing is (chosen)."""
@@ -110,13 +110,9 @@ def explain_axes(
         cut_short = given_up() > 0
         if cut_short and not found.effects:
             found = replace(found, hinted=True)
+        note = (CUT_SHORT,) if cut_short else ()
         explained = verdict(scene, found, there, absent)
-        return tuple(with_note(one, CUT_SHORT) for one in explained) if cut_short else explained
-
-
-def with_note(explained: AxisExplanation, note: str) -> AxisExplanation:
-    """The verdict with one more line of evidence."""
-    return replace(explained, evidence=(*explained.evidence, note))
+        return tuple(replace(one, evidence=(*one.evidence, *note)) for one in explained)
 
 
 def nothing_beyond(trial: Trial[Explained]) -> Selection[Explained]:
@@ -344,9 +340,7 @@ def searched(
 def unnamed(found: Selection[Explained]) -> Selection[Explained]:
     """The outcome without the effects that were found, where others were not followed to their ends."""
     why = "not all others were followed to their ends"
-    candidates = tuple(
-        replace(one, accepted=False, why=why) if one.accepted else one for one in found.candidates
-    )
+    candidates = tuple(refused(one, why) for one in found.candidates)
     return replace(found, after=found.before, effects=(), candidates=candidates, rivals=())
 
 

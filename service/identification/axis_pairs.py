@@ -93,14 +93,13 @@ def with_hidden(
     told = hidden(scene, after, kinds, len(DRIVEN), tell, near)
     if not (told.effects and nothing_left(told.after.model.fitted)):
         why = "leaves something of the motors' equations of motion"
-        said = (replace(one, accepted=False, why=why) if one.accepted else one for one in told.candidates)
-        return replace(found, candidates=(*found.candidates, *said))
+        return replace(found, candidates=(*found.candidates, *(refused(one, why) for one in told.candidates)))
     candidates = found.candidates + told.candidates
     best = told.after
     spared = {name: without(scene, best, name) for name in found.effects}
     alone, *more = spared.values()
     if not more and as_good(alone, best):
-        others = tuple(refused(one, told.effects) for one in found.candidates)
+        others = tuple(refused(one, explained_by(told.effects)) for one in found.candidates)
         return replace(
             told, before=found.before, after=alone, candidates=others + told.candidates, tried=found.tried
         )
@@ -192,7 +191,7 @@ def as_found(
     p_values = {name: min(1.0, tried * gain_p_value(trial, after)) for name, trial in spared.items()}
     if max(p_values.values()) >= LEVEL:
         return found
-    others = tuple(refused(one, names) for one in found.candidates if one.effect not in names)
+    others = tuple(refused(one, explained_by(names)) for one in found.candidates if one.effect not in names)
     why = "significant and material on held-out moves" + (", beside the other" if len(names) > 1 else "")
     own = tuple(Candidate(name, after.held_rms, p, True, why) for name, p in p_values.items())
     return replace(
@@ -200,8 +199,11 @@ def as_found(
     )
 
 
-def refused(candidate: Candidate, names: Sequence[str]) -> Candidate:
-    """The candidate, not accepted beside these effects."""
-    if not candidate.accepted:
-        return candidate
-    return replace(candidate, accepted=False, why=f"significant, but {' and '.join(names)} explain all")
+def explained_by(names: Sequence[str]) -> str:
+    """Why nothing else is accepted beside effects that explain all."""
+    return f"significant, but {' and '.join(names)} explain all"
+
+
+def refused(candidate: Candidate, why: str) -> Candidate:
+    """The candidate, not accepted, and why it is not if it was."""
+    return replace(candidate, accepted=False, why=why) if candidate.accepted else candidate

@@ -36,6 +36,7 @@ from service.identification.selection import (
     WHOLLY,
     Trial,
     distance,
+    explained,
     gone,
     gone_from_all,
     most_left,
@@ -49,8 +50,8 @@ OF_DESCRIBED = 4
 LEADERS = 3
 """How many of those that are nearest to the moves that were fitted are tried on each other's machines (chosen)."""
 TAKEN = 1.0 / 4.0
-"""Share of what shows in moves that an effect takes before its fit is finished, where its fits are (chosen: right ones
-took seven tenths and more, ten of ten)."""
+"""Share of what shows in moves from which on an effect takes a part of it (chosen: before they were finished right ones
+took seven tenths and more, of ten machines of which not much showed)."""
 BEHIND = 1.5
 """How much farther from the moves than the best a fit may be and still be finished (chosen)."""
 
@@ -74,11 +75,7 @@ def finished(
 
 def takes(present: Trial[Explained], trial: Trial[Explained]) -> bool:
     """Whether an effect takes a part of what shows in the moves that were fitted, or in the others."""
-    shares = (
-        (present.train_rms, trial.train_rms),
-        (present.validation_rms, trial.validation_rms),
-    )
-    return any(gone(before, after, TAKEN) for before, after in shares)
+    return gone(present.train_rms, trial.train_rms, TAKEN) or explained(present, trial, TAKEN)
 
 
 def finished_of(
